@@ -1,0 +1,118 @@
+#pragma once
+
+#include <string>
+
+#include <Eigen/Geometry>
+
+#include "fdi_lio/common/parameter_visitor.hpp"
+
+namespace fdi_lio {
+
+/// What the sensors are and how they are mounted.
+struct SensorConfig {
+  std::string points_topic = "/points_raw";
+  std::string imu_topic = "/imu_raw";
+  std::string gnss_topic = "/gps/fix";
+  std::string deskew = "auto";     // auto | already_done
+  std::string stamp_at = "start";  // start | end, for clouds with non-negative relative times
+  double scan_period_s = 0.1;
+  int ring_count = 64;
+  double elevation_min_deg = -24.9;
+  double elevation_max_deg = 2.0;
+  double min_range_m = 1.0;
+  double max_range_m = 120.0;
+  double range_noise_m = 0.02;
+  double beam_angle_noise_deg = 0.03;
+  double lidar_time_offset_s = 0.0;
+  std::string acceleration_unit = "m/s^2";  // m/s^2 | g | auto
+  double gyro_noise = 1e-3;
+  double accel_noise = 1e-2;
+  double gyro_bias_walk = 1e-4;
+  double accel_bias_walk = 1e-3;
+  double gravity_mps2 = 9.81;
+  Eigen::Vector3d t_imu_lidar = Eigen::Vector3d::Zero();
+  Eigen::Quaterniond q_imu_lidar = Eigen::Quaterniond::Identity();
+
+  Eigen::Isometry3d T_imu_lidar() const;
+  void visit(ParameterVisitor& visitor);
+};
+
+/// Names of the frames that are published.
+struct FrameConfig {
+  std::string map = "map";
+  std::string odom = "odom";
+  std::string base_link = "base_link";
+  std::string imu = "imu_link";
+  bool publish_tf = true;
+
+  void visit(ParameterVisitor& visitor);
+};
+
+/// Initialisation and propagation.
+struct ImuConfig {
+  double static_duration_s = 1.0;
+  double static_gyro_std = 0.02;
+  double static_accel_std = 0.25;
+  double static_max_rate = 0.1;
+  double max_gap_s = 0.05;
+  double gap_accel_noise = 3.0;
+  double gap_gyro_noise = 0.5;
+  int moving_init_scans = 20;
+  double virtual_accel_noise = 1.5;
+  double virtual_angular_accel_noise = 1.0;
+
+  void visit(ParameterVisitor& visitor);
+};
+
+struct FeatureConfig {
+  int curvature_neighbours = 5;
+  double curvature_half_width_m = 0.3;
+  double plane_max_curvature = 0.1;
+  double edge_min_curvature = 0.35;
+  double plane_spacing_m = 0.25;
+  int sectors = 8;
+  int max_planes = 10000;
+  int max_edges = 1500;
+  double occlusion_jump_ratio = 0.05;
+  double min_incidence_deg = 5.0;
+
+  void visit(ParameterVisitor& visitor);
+};
+
+struct MappingConfig {
+  int window_size = 4;
+  int base_iterations = 4;
+  double feature_voxel_m = 0.5;
+  int max_planes_matched = 4000;
+  double map_voxel_m = 0.4;
+  double map_radius_m = 150.0;
+  int plane_min_points = 6;
+  int max_points_per_voxel = 200;
+  double plane_max_thickness_m = 0.1;
+  double max_residual_m = 0.5;
+  double robust_scale = 2.0;
+  double surface_roughness_m = 0.01;
+  double correlation_factor = 4.0;
+  double convergence_rotation_rad = 1e-4;
+  double convergence_translation_m = 5e-4;
+  double keyframe_distance_m = 1.0;
+  double keyframe_rotation_weight_m_per_rad = 2.0;
+  double output_map_voxel_m = 0.1;
+  bool use_edges = true;
+
+  void visit(ParameterVisitor& visitor);
+};
+
+/// Every parameter of the system.
+struct Config {
+  SensorConfig sensor;
+  FrameConfig frames;
+  ImuConfig imu;
+  FeatureConfig features;
+  MappingConfig mapping;
+  int threads = 2;
+
+  void visit(ParameterVisitor& visitor);
+};
+
+}  // namespace fdi_lio

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "fdi_lio/common/time.hpp"
+
+namespace fdi_lio {
+
+/// One lidar return in the lidar frame.
+struct Point {
+  Eigen::Vector3f position = Eigen::Vector3f::Zero();  ///< metres
+  float intensity = 0.0F;                              ///< the sensor's own scale
+  float time_s = 0.0F;       ///< seconds relative to the scan's reference stamp (<= 0)
+  std::uint16_t ring = 0;    ///< beam, 0 is the lowest
+  std::uint16_t column = 0;  ///< azimuth bin of the range image, filled by scan::order_by_ring
+};
+
+/// What the conversion of one message dropped, by reason.
+struct DropCounts {
+  std::size_t non_finite = 0;
+  std::size_t zero = 0;
+  std::size_t out_of_range = 0;
+  std::size_t duplicate = 0;
+
+  std::size_t total() const { return non_finite + zero + out_of_range + duplicate; }
+};
+
+/// One sweep as the sensor measured it: every point in the lidar frame at its own time.
+struct Scan {
+  Stamp stamp = 0;          ///< reference stamp: time of the last point
+  double duration_s = 0.0;  ///< from the first to the last point; 0 when the cloud has no time
+  std::vector<Point> points;
+  bool has_time = false;       ///< false: already deskewed, or time could not be reconstructed
+  bool has_intensity = false;  ///< false: intensity is absent, and all zero here
+  std::uint16_t ring_count = 0;
+  DropCounts dropped;
+};
+
+/// A sweep moved to one instant, ordered ring by ring and by azimuth within each ring.
+struct DeskewedScan {
+  Stamp stamp = 0;
+  double duration_s = 0.0;
+  std::vector<Point> points;              ///< lidar frame at `stamp`
+  std::vector<std::uint32_t> ring_begin;  ///< ring r is points[ring_begin[r], ring_begin[r + 1])
+  bool has_intensity = false;
+  std::vector<float> intensity_gradient;  ///< per point, smoothed; empty while the gradient is off
+  std::vector<Point> removed;             ///< points classified as moving
+
+  std::size_t ring_count() const { return ring_begin.empty() ? 0 : ring_begin.size() - 1; }
+};
+
+/// Features of one scan, lidar frame at `stamp`.
+struct FeatureSet {
+  Stamp stamp = 0;
+  std::vector<Point> planes;
+  std::vector<Point> edges;
+  std::vector<Point> intensity_edges;  ///< high intensity gradient on smooth surfaces
+  std::vector<float> plane_scores;
+  std::vector<float> edge_scores;
+  std::vector<float> intensity_scores;
+};
+
+}  // namespace fdi_lio

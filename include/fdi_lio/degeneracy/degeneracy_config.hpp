@@ -1,0 +1,48 @@
+#pragma once
+
+#include "fdi_lio/common/parameter_visitor.hpp"
+
+namespace fdi_lio::degeneracy {
+
+/// Parameters of the degeneracy estimate. docs/degeneracy.md names each symbol.
+struct DegeneracyConfig {
+  int max_samples = 16000;
+  double voxel_m = 1.0;
+  double voxel_growth_range_m = 20.0;
+  int voxel_min_points = 6;
+  int voxel_min_ring_span = 1;
+  int entropy_reference_voxels = 2000;
+  int curvature_neighbours = 5;
+  double curvature_half_width_m = 0.5;
+  double curvature_floor = 0.1;
+  double gradient_floor = 0.1;
+  double gradient_percentile = 0.99;
+
+  double complexity_gain = 25.0;
+  double complexity_centre = 0.55;
+  double deviation_gain = 12.0;
+  double deviation_scale_m = 0.12;
+  double entropy_gain = 15.0;
+  double entropy_centre = 0.65;
+  double gradient_gain = 3.0;
+  double gradient_centre = 0.2;
+  double curvature_gain = 2.0;
+  double curvature_centre = 2.5;
+  double gradient_variation_gain = 1.0;
+  double gradient_variation_centre = 1.5;
+
+  int window_scans = 50;
+  int histogram_bins = 10;
+  double histogram_smoothing = 0.5;
+  double reference_scale = 0.3;
+  double weight_entropy = 1.0;
+  double weight_divergence = 1.0;
+  double weight_floor = 0.05;
+
+  int class_hold_scans = 5;
+  double class_margin = 0.1;
+
+  void visit(ParameterVisitor& visitor);
+};
+
+}  // namespace fdi_lio::degeneracy

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <optional>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/degeneracy/degeneracy_types.hpp"
+
+namespace fdi_lio::degeneracy {
+
+/// What mapping found about the directions of one scan.
+struct OptimisationStatus {
+  Stamp stamp = 0;
+  Eigen::Matrix<double, 6, 6> axes = Eigen::Matrix<double, 6, 6>::Identity();
+  Eigen::Matrix<double, 6, 1> localizability = Eigen::Matrix<double, 6, 1>::Ones();
+  double residual_rms_m = 0.0;
+  std::uint32_t iterations = 0;
+  std::uint32_t matched = 0;
+};
+
+/// The work of the degeneracy_estimation node.
+class DegeneracyEstimator {
+ public:
+  DegeneracyEstimator(const Config& config, Reporter* reporter);
+
+  /// Degeneracy of the scan that `features` and `scan` come from; `status` is that of the newest optimised
+  /// scan.
+  Degeneracy estimate(const DeskewedScan& scan, const FeatureSet& features,
+                      const std::optional<OptimisationStatus>& status);
+
+  void reset();
+
+ private:
+  Config config_;
+  Reporter* reporter_;
+};
+
+}  // namespace fdi_lio::degeneracy

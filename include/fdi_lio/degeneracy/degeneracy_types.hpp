@@ -1,0 +1,38 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include <Eigen/Core>
+
+#include "fdi_lio/common/time.hpp"
+
+namespace fdi_lio::degeneracy {
+
+enum class EnvironmentClass : std::uint8_t { kStructured = 0, kSparse = 1, kDynamic = 2, kMixed = 3 };
+
+/// The four metrics of one scan.
+struct Metrics {
+  double geometric_complexity = 0.0;  ///< mean normalised eigenvalue entropy of local covariances, [0, 1]
+  double curvature_complexity = 0.0;  ///< coefficient of variation of the curvature, [0, inf)
+  double point_entropy = 0.0;         ///< entropy of the voxel occupancy over its maximum, [0, 1]
+  double plane_deviation_m = 0.0;     ///< mean distance to locally fitted planes
+  double gradient_mean = 0.0;         ///< mean intensity gradient over the scan's maximum, [0, 1]
+  double gradient_variation = 0.0;    ///< coefficient of variation of the intensity gradient
+};
+
+/// How degraded the surroundings of one scan are. The defaults are the neutral value.
+struct Degeneracy {
+  Stamp stamp = 0;
+  double fdi = 0.0;                                  ///< [0, 1], larger is worse
+  std::array<double, 3> sub_factors{0.0, 0.0, 0.0};  ///< structural, sparse, dynamic, each [0, 1]
+  std::array<double, 3> weights{1.0 / 3, 1.0 / 3, 1.0 / 3};
+  Metrics metrics;
+  EnvironmentClass environment = EnvironmentClass::kStructured;
+  /// Directions of the last optimisation in [dtheta, dt] of the IMU frame, columns are axes, strongest first.
+  Eigen::Matrix<double, 6, 6> axes = Eigen::Matrix<double, 6, 6>::Identity();
+  /// Probability that each axis is observed by the lidar.
+  Eigen::Matrix<double, 6, 1> localizability = Eigen::Matrix<double, 6, 1>::Ones();
+};
+
+}  // namespace fdi_lio::degeneracy

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+
+namespace fdi_lio::imu {
+
+/// Orientation with zero yaw that turns the mean specific force upwards. Identity without readings.
+Eigen::Quaterniond level_orientation(const ImuStatistics& statistics);
+
+/// Whether the readings are those of a sensor at rest; needs the full `static_duration_s`.
+bool is_static(const ImuStatistics& statistics, const ImuConfig& config);
+
+/// One interval of initialisation in motion: lidar pose at its end, and the IMU since the pose before.
+struct AlignmentInterval {
+  Eigen::Quaterniond q_odom_imu;
+  Eigen::Vector3d t_odom_imu;
+  Preintegration imu;
+};
+
+struct AlignmentResult {
+  Eigen::Vector3d gyro_bias;
+  Eigen::Vector3d g_odom;
+  Eigen::Vector3d v_odom;         ///< at the end of the last interval
+  double gravity_error_mps2 = 0;  ///< | |g| found - |g| known |, the check that the alignment is sound
+};
+
+/// Gyro bias, gravity and velocity from lidar poses and preintegrated IMU (Qin et al., "VINS-Mono", TRO 2018,
+/// section V-B, without the scale): linear least squares over
+///   t_j - t_i = v_i dt + g dt^2 / 2 + R_i dp,   v_j - v_i = g dt + R_i dv.
+/// `first` is the pose at the start of the first interval. Nothing when fewer than 5 intervals are given or
+/// the system is singular.
+std::optional<AlignmentResult> align_in_motion(const Eigen::Quaterniond& first_q,
+                                               const Eigen::Vector3d& first_t,
+                                               const std::vector<AlignmentInterval>& intervals,
+                                               double gravity_mps2);
+
+}  // namespace fdi_lio::imu

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <vector>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+
+namespace fdi_lio::imu {
+
+/// Continuous noise of the IMU.
+struct ImuNoise {
+  double gyro = 1e-3;             ///< [rad/s/sqrt(Hz)]
+  double accel = 1e-2;            ///< [m/s^2/sqrt(Hz)]
+  double gyro_bias_walk = 1e-4;   ///< [rad/s^2/sqrt(Hz)]
+  double accel_bias_walk = 1e-3;  ///< [m/s^3/sqrt(Hz)]
+};
+
+ImuNoise noise_of(const SensorConfig& sensor);
+
+/// Preintegrates readings over [from, to] (Forster et al., TRO 2017, eqs. 33-35, 63; midpoint rule).
+/// `samples` must be in time order; the first at or before `from` and the first at or after `to` are used for
+/// interpolation, and where they are missing the nearest reading is held. A stretch without readings longer
+/// than `config.max_gap_s` is bridged with the held mean of its ends and the covariance of `gap_*_noise`.
+/// Without any reading: `sample_count` is 0 and nothing else is filled; use `constant_velocity`.
+Preintegration preintegrate(const std::vector<ImuSample>& samples, Stamp from, Stamp to,
+                            const Eigen::Vector3d& gyro_bias, const Eigen::Vector3d& accel_bias,
+                            const ImuNoise& noise, const ImuConfig& config);
+
+/// The constant-velocity model from `state` on, in the form of a preintegration: rotation by the state's
+/// angular velocity, no change of velocity (gravity must not be added), no dependence on the biases.
+Preintegration constant_velocity(const NavState& state, Stamp to, const ImuConfig& config);
+
+/// A preintegration whose rotation comes from the gyro and whose translation is that of constant velocity:
+/// all that can be used while gravity is unknown.
+Preintegration gyro_only(const Preintegration& measured, const ImuConfig& config);
+
+/// Preintegrated terms at other biases, to first order (Forster eq. 44).
+struct CorrectedDelta {
+  Eigen::Quaterniond delta_q;
+  Eigen::Vector3d delta_v;
+  Eigen::Vector3d delta_p;
+};
+CorrectedDelta corrected(const Preintegration& preintegration, const Eigen::Vector3d& gyro_bias,
+                         const Eigen::Vector3d& accel_bias);
+
+/// The state at `preintegration.to`, predicted from `state` (at `preintegration.from`).
+NavState predict(const NavState& state, const Preintegration& preintegration);
+
+}  // namespace fdi_lio::imu

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+
+namespace fdi_lio::mapping {
+
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+/// What one scan gave.
+struct EstimateResult {
+  imu::NavState state;                         ///< at the scan's reference stamp
+  Matrix6d covariance = Matrix6d::Identity();  ///< of T_odom_imu, order [dtheta, dt]
+  degeneracy::OptimisationStatus status;
+  bool is_keyframe = false;
+  bool is_healthy = true;  ///< false: no match was possible, the pose is a prediction
+  std::size_t matched_planes = 0;
+  std::size_t matched_edges = 0;
+};
+
+/// The work of the mapping_optimization node: features and preintegrated IMU in, state out. Holds the
+/// fixed-lag smoother and the local map.
+class Estimator {
+ public:
+  Estimator(const Config& config, Reporter* reporter);
+  ~Estimator();
+
+  /// Adds one scan. `imu` spans from the previous scan's stamp to this one's; nothing means that no IMU data
+  /// exist for this interval. Nothing is returned (and the scan is counted) when its stamp does not follow
+  /// the previous one.
+  std::optional<EstimateResult> add(const FeatureSet& features, const degeneracy::Degeneracy& degeneracy,
+                                    const std::optional<imu::Preintegration>& imu);
+
+  /// The newest state; nothing before the first scan.
+  std::optional<imu::NavState> state() const;
+
+  /// Points of the local map in `odom` (means of the filled voxels), for display.
+  std::vector<Point> local_map() const;
+
+  std::size_t map_voxel_count() const;
+
+  void reset();
+
+ private:
+  class Implementation;
+  Config config_;
+  Reporter* reporter_;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+}  // namespace fdi_lio::mapping

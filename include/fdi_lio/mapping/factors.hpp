@@ -1,0 +1,92 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <ceres/sized_cost_function.h>
+
+#include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/mapping/scan_matcher.hpp"
+
+/// Cost functions of the fixed-lag smoother. Every parameter block is a perturbation of a nominal state, in
+/// the tangent order of docs/conventions.md: state [dtheta, dt, dv, db_g, db_a] (15), gravity dg (3).
+/// Jacobians are analytic.
+namespace fdi_lio::mapping {
+
+constexpr int kStateSize = 15;
+constexpr int kGravitySize = 3;
+constexpr int kPriorSize = kStateSize + kGravitySize;
+
+using Vector15d = Eigen::Matrix<double, kStateSize, 1>;
+using Matrix15d = Eigen::Matrix<double, kStateSize, kStateSize>;
+using Vector18d = Eigen::Matrix<double, kPriorSize, 1>;
+using Matrix18d = Eigen::Matrix<double, kPriorSize, kPriorSize>;
+
+/// `state` moved by the perturbations.
+imu::NavState apply(const imu::NavState& state, const double* delta_state, const double* delta_gravity);
+
+/// Motion between two states by preintegrated IMU (Forster et al., TRO 2017, eq. 45, and bias random walk),
+/// whitened by the preintegration's covariance. Blocks: state i, state j, gravity. Without gravity (constant
+/// velocity, or an IMU whose gravity is unknown) the velocity change is taken as it is.
+class MotionCost : public ceres::SizedCostFunction<15, kStateSize, kStateSize, kGravitySize> {
+ public:
+  MotionCost(const imu::NavState& nominal_i, const imu::NavState& nominal_j,
+             const imu::Preintegration& preintegration, bool with_gravity);
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ private:
+  imu::NavState nominal_i_;
+  imu::NavState nominal_j_;
+  imu::Preintegration preintegration_;
+  bool with_gravity_;
+  Matrix15d sqrt_information_;
+};
+
+/// The condensed scan-to-map residuals of one scan: r = L' d + L^-1 b with H = L L' and d the pose's
+/// difference from the linearisation point, so that r' r / 2 is LidarInformation's cost. Directions without
+/// information have no residual.
+class LidarCost : public ceres::SizedCostFunction<6, kStateSize> {
+ public:
+  LidarCost(const imu::NavState& nominal, const LidarInformation& information);
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ private:
+  imu::NavState nominal_;
+  LidarInformation information_;
+  Matrix6d sqrt_information_;
+  Vector6d offset_;
+};
+
+/// What is left of marginalised states: a Gaussian of the oldest state and gravity about `linearisation`.
+struct StatePrior {
+  imu::NavState linearisation;
+  Matrix18d sqrt_information = Matrix18d::Zero();
+  Vector18d offset = Vector18d::Zero();
+};
+
+/// r = A ([state, gravity] - linearisation) + offset. Blocks: state, gravity.
+class PriorCost : public ceres::SizedCostFunction<kPriorSize, kStateSize, kGravitySize> {
+ public:
+  PriorCost(const imu::NavState& nominal, const StatePrior& prior);
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ private:
+  imu::NavState nominal_;
+  StatePrior prior_;
+};
+
+/// Keeps the magnitude of gravity: r = (|g| - known) / sigma. Block: gravity.
+class GravityNormCost : public ceres::SizedCostFunction<1, kGravitySize> {
+ public:
+  GravityNormCost(const imu::NavState& nominal, double magnitude_mps2);
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ private:
+  Eigen::Vector3d g_odom_;
+  double magnitude_;
+};
+
+/// Square root A and offset e with A' A = H and A' e = b for a positive semi-definite H; directions whose
+/// eigenvalue is below `relative_tolerance` times the largest are left out.
+void factorise(const Eigen::MatrixXd& H, const Eigen::VectorXd& b, double relative_tolerance,
+               Eigen::MatrixXd* A, Eigen::VectorXd* e);
+
+}  // namespace fdi_lio::mapping

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "fdi_lio/common/scan_types.hpp"
+
+namespace fdi_lio::mapping {
+
+/// The map that is saved: keyframe clouds in `map`, one mean point a voxel.
+class MapBuilder {
+ public:
+  explicit MapBuilder(double voxel_m);
+
+  /// Adds the points of one keyframe, given in the lidar frame.
+  void add(const std::vector<Point>& points, const Eigen::Isometry3d& T_map_lidar);
+
+  std::size_t size() const { return voxels_.size(); }
+
+  /// Writes a binary PCD (x y z intensity, float32) beside `path` and renames it, so that an earlier file
+  /// stays whole until the new one is. Throws Error when the file cannot be written.
+  void write_pcd(const std::string& path) const;
+
+ private:
+  struct Voxel {
+    Eigen::Vector3f sum = Eigen::Vector3f::Zero();  ///< of offsets from the voxel's corner
+    float intensity_sum = 0.0F;
+    std::uint32_t count = 0;
+    std::uint32_t order = 0;  ///< of the first point, so that the file does not depend on the hash
+    Eigen::Vector3i cell = Eigen::Vector3i::Zero();
+  };
+
+  double voxel_m_;
+  std::unordered_map<std::uint64_t, Voxel> voxels_;
+};
+
+}  // namespace fdi_lio::mapping

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/mapping/voxel_map.hpp"
+
+namespace fdi_lio::mapping {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+/// Features in the body (IMU) frame, ready to be matched.
+struct MatchInput {
+  std::vector<Eigen::Vector3d> planes;
+  std::vector<Eigen::Vector3d> edges;
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< of the lidar, in the body frame
+};
+
+/// Second-order model of the matching cost about one pose, in the tangent [dtheta, dt] of T_odom_imu:
+///   cost(d) = d' H d / 2 + b' d + constant.
+struct LidarInformation {
+  Eigen::Quaterniond q_odom_imu = Eigen::Quaterniond::Identity();
+  Eigen::Vector3d t_odom_imu = Eigen::Vector3d::Zero();
+  Matrix6d H = Matrix6d::Zero();
+  Vector6d b = Vector6d::Zero();
+  double squared_error = 0.0;  ///< sum of squared plane and line distances [m^2]
+  std::size_t planes = 0;
+  std::size_t edges = 0;
+};
+
+/// How far and how strictly matches are looked for.
+struct MatchSettings {
+  double max_residual_m = 0.5;
+  bool wide = false;  ///< look into neighbouring cells too: before the velocity is known
+  double plane_weight = 1.0;
+  double edge_weight = 1.0;
+};
+
+/// Point-to-plane and point-to-line residuals of scan features against the local map, with noise-aware
+/// weights and a Cauchy kernel (one round of iteratively re-weighted Gauss-Newton).
+class ScanMatcher {
+ public:
+  explicit ScanMatcher(const Config& config);
+
+  /// Associates `input` at the given pose and sums the normal equations.
+  LidarInformation linearise(const MatchInput& input, const VoxelMap& plane_map, const VoxelMap& edge_map,
+                             const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
+                             const MatchSettings& settings) const;
+
+ private:
+  MappingConfig mapping_;
+  double range_variance_;
+  double angle_variance_;
+};
+
+}  // namespace fdi_lio::mapping

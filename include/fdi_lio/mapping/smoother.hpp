@@ -1,0 +1,71 @@
+#pragma once
+
+#include <deque>
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/mapping/factors.hpp"
+
+namespace fdi_lio::mapping {
+
+/// Fixed-lag smoother over the states of the newest scans and gravity: a prior left by marginalised states,
+/// motion between neighbours, and the condensed lidar information of each scan. Solved by Ceres.
+class Smoother {
+ public:
+  Smoother(int window_size, double gravity_mps2);
+
+  /// Standard deviations of the first state.
+  struct InitialSigma {
+    double theta = 1e-3;
+    double position = 1e-3;
+    double velocity = 10.0;
+    double gyro_bias = 0.02;
+    double accel_bias = 0.1;
+    double gravity = 0.1;
+  };
+
+  /// Starts anew from one state.
+  void start(const imu::NavState& state, const InitialSigma& sigma);
+
+  /// Adds a state predicted by `motion` from the newest one; the oldest is marginalised when the window is
+  /// full.
+  void add(const imu::NavState& predicted, const imu::Preintegration& motion, bool with_gravity);
+
+  /// Sets (replaces) the lidar information of the newest state.
+  void set_lidar(const LidarInformation& information);
+
+  /// Minimises over the window; the newest state is then `newest()`. False when Ceres found no usable
+  /// solution, and the states are as they were.
+  bool solve();
+
+  const imu::NavState& newest() const { return window_.back().state; }
+  bool empty() const { return window_.empty(); }
+
+  /// Sets the status that is carried with the newest state.
+  void annotate_newest(imu::ImuStatus status, const Eigen::Vector3d& w_imu);
+
+  /// Covariance of the newest state [dtheta, dt, dv, db_g, db_a], from the normal equations at the solution.
+  Matrix15d covariance() const;
+
+ private:
+  struct Entry {
+    imu::NavState state;
+    imu::Preintegration motion;  ///< from the entry before
+    bool has_motion = false;
+    bool with_gravity = false;
+    std::optional<LidarInformation> lidar;
+  };
+  class Problem;
+
+  void marginalise_oldest();
+
+  int window_size_;
+  double gravity_mps2_;
+  std::deque<Entry> window_;
+  StatePrior prior_;
+};
+
+}  // namespace fdi_lio::mapping

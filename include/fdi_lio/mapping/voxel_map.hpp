@@ -1,0 +1,86 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace fdi_lio::mapping {
+
+/// Gaussian of the points in one cell, with its principal axes.
+struct Cell {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();    ///< sum of squared deviations from the mean
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();   ///< columns, smallest variance first
+  Eigen::Vector3d variances = Eigen::Vector3d::Zero();  ///< ascending [m^2]
+  float mean_intensity = 0.0F;
+  std::uint32_t count = 0;
+  std::uint32_t count_at_update = 0;  ///< points that `axes` and `variances` were computed from
+  bool is_plane = false;
+  bool is_line = false;
+};
+
+struct VoxelMapConfig {
+  double voxel_size_m = 0.4;       ///< finest level
+  std::uint32_t min_points = 6;    ///< before a cell is used
+  std::uint32_t max_points = 200;  ///< a cell stops averaging
+  double max_thickness_m = 0.1;    ///< deviation across a plane or a line
+};
+
+/// Incremental voxel hash with three levels of cells: 1, 2 and 4 times the voxel size. A hash entry is one
+/// block of the coarsest level; the finer cells are found in it by index. Each cell keeps the running mean
+/// and scatter of its points, so that a plane costs no neighbour search, and its noise averages out as the
+/// scans go by.
+class VoxelMap {
+ public:
+  explicit VoxelMap(const VoxelMapConfig& config);
+
+  /// Adds points (map frame) with their intensities (same size).
+  void insert(const std::vector<Eigen::Vector3d>& points, const std::vector<float>& intensities);
+
+  /// The finest cell around `point` that is a plane; nullptr when there is none. With `wide` also the planes
+  /// of the neighbouring coarsest cells, the nearest to the point.
+  const Cell* find_plane(const Eigen::Vector3d& point, bool wide) const;
+
+  /// The finest cell around `point` that is a line; nullptr when there is none.
+  const Cell* find_line(const Eigen::Vector3d& point) const;
+
+  /// Forgets blocks that are farther than `radius_m` from `center`.
+  void keep_within(const Eigen::Vector3d& center, double radius_m);
+
+  /// Finest cells that hold a point.
+  std::vector<const Cell*> finest_cells() const;
+
+  std::size_t cell_count() const { return cells_.size() - free_.size(); }
+  bool empty() const { return blocks_.empty(); }
+
+ private:
+  static constexpr int kCellsPerBlock = 1 + 8 + 64;
+  using Key = std::uint64_t;
+
+  struct Block {
+    std::array<std::int32_t, kCellsPerBlock> cells;
+  };
+  struct Address {
+    Key key;
+    std::array<int, 3> slots;  ///< coarsest, middle, finest
+  };
+  struct KeyHash {
+    std::size_t operator()(Key key) const;
+  };
+
+  Address address_of(const Eigen::Vector3d& point) const;
+  Key key_of(const Eigen::Vector3d& point) const;
+  Cell* cell_at(Block* block, int slot);
+  void update_axes(Cell* cell, double size_m) const;
+
+  VoxelMapConfig config_;
+  double block_size_m_;
+  std::unordered_map<Key, Block, KeyHash> blocks_;
+  std::vector<Cell> cells_;
+  std::vector<std::int32_t> free_;
+};
+
+}  // namespace fdi_lio::mapping

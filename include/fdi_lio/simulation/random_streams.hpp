@@ -1,0 +1,19 @@
+#pragma once
+
+#include <cstdint>
+
+namespace fdi_lio::simulation {
+
+/// Purposes of random streams; two purposes never share numbers.
+enum RandomStream : std::uint64_t {
+  kStreamWorld = 1,
+  kStreamObjects,
+  kStreamMotion,
+  kStreamLidar,
+  kStreamLidarErrors,
+  kStreamImu,
+  kStreamImuBias,
+  kStreamGnss,
+};
+
+}  // namespace fdi_lio::simulation

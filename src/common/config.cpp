@@ -1,0 +1,154 @@
+#include "fdi_lio/common/config.hpp"
+
+namespace fdi_lio {
+
+Eigen::Isometry3d SensorConfig::T_imu_lidar() const {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = q_imu_lidar.toRotationMatrix();
+  T.translation() = t_imu_lidar;
+  return T;
+}
+
+void SensorConfig::visit(ParameterVisitor& v) {
+  v.text(
+      {"sensor.points_topic", "", "topic of the lidar: PointCloud2, or velodyne_msgs/VelodyneScan packets"},
+      points_topic);
+  v.text({"sensor.imu_topic", "", "topic of the IMU; leave empty for lidar-only"}, imu_topic);
+  v.text({"sensor.gnss_topic", "", "topic of NavSatFix fixes"}, gnss_topic);
+  v.choice({"sensor.deskew", "", "already_done: points of a cloud already belong to one instant"}, deskew,
+           {"auto", "already_done"});
+  v.choice({"sensor.stamp_at", "", "whether the header stamp is the time of the first or of the last point"},
+           stamp_at, {"start", "end"});
+  v.real({"sensor.scan_period", "s", "time of one revolution"}, scan_period_s, 0.01, 1.0);
+  v.integer({"sensor.ring_count", "", "number of beams"}, ring_count, 1, 1024);
+  v.real({"sensor.elevation_min", "deg", "elevation of the lowest beam, used when the cloud has no ring"},
+         elevation_min_deg, -90.0, 90.0);
+  v.real({"sensor.elevation_max", "deg", "elevation of the highest beam, used when the cloud has no ring"},
+         elevation_max_deg, -90.0, 90.0);
+  v.real({"sensor.min_range", "m", "nearer points are dropped (the vehicle itself)"}, min_range_m, 0.0, 20.0);
+  v.real({"sensor.max_range", "m", "farther points are dropped"}, max_range_m, 1.0, 1000.0);
+  v.real({"sensor.range_noise", "m", "standard deviation of one range, from the data sheet"}, range_noise_m,
+         1e-4, 1.0);
+  v.real({"sensor.beam_angle_noise", "deg", "standard deviation of a beam's direction"}, beam_angle_noise_deg,
+         0.0, 1.0);
+  v.real({"sensor.lidar_time_offset", "s", "added to the stamps of the lidar to get the clock of the IMU"},
+         lidar_time_offset_s, -10.0, 10.0);
+  v.choice({"sensor.acceleration_unit", "", "unit of the accelerometer; auto decides by the first reading"},
+           acceleration_unit, {"m/s^2", "g", "auto"});
+  v.real({"sensor.gyro_noise", "rad/s/sqrt(Hz)", "white noise of the gyro"}, gyro_noise, 1e-7, 1.0);
+  v.real({"sensor.accel_noise", "m/s^2/sqrt(Hz)", "white noise of the accelerometer"}, accel_noise, 1e-6,
+         10.0);
+  v.real({"sensor.gyro_bias_walk", "rad/s^2/sqrt(Hz)", "random walk of the gyro bias"}, gyro_bias_walk, 1e-9,
+         1.0);
+  v.real({"sensor.accel_bias_walk", "m/s^3/sqrt(Hz)", "random walk of the accelerometer bias"},
+         accel_bias_walk, 1e-8, 10.0);
+  v.real({"sensor.gravity", "m/s^2", "magnitude of gravity"}, gravity_mps2, 9.7, 9.9);
+  v.vector3({"sensor.T_imu_lidar.translation", "m", "p_imu = T_imu_lidar * p_lidar"}, t_imu_lidar);
+  v.rotation({"sensor.T_imu_lidar.rotation", "", "quaternion x y z w, or matrix row by row"}, q_imu_lidar);
+}
+
+void FrameConfig::visit(ParameterVisitor& v) {
+  v.text({"frames.map", "", "globally consistent frame"}, map);
+  v.text({"frames.odom", "", "continuous frame"}, odom);
+  v.text({"frames.base_link", "", "frame of the robot"}, base_link);
+  v.text({"frames.imu", "", "frame of the IMU; equal to base_link unless tf knows better"}, imu);
+  v.flag({"frames.publish_tf", "", "publish odom -> base_link and map -> odom"}, publish_tf);
+}
+
+void ImuConfig::visit(ParameterVisitor& v) {
+  v.real({"imu.static_duration", "s", "how long the sensor must stand still for static initialisation"},
+         static_duration_s, 0.2, 10.0);
+  v.real({"imu.static_gyro_std", "rad/s", "largest deviation of the gyro at rest"}, static_gyro_std, 1e-4,
+         1.0);
+  v.real({"imu.static_accel_std", "m/s^2", "largest deviation of the accelerometer at rest"},
+         static_accel_std, 1e-3, 5.0);
+  v.real({"imu.static_max_rate", "rad/s", "largest mean angular velocity (bias) at rest"}, static_max_rate,
+         1e-3, 1.0);
+  v.real({"imu.max_gap", "s", "longer stretches without a reading are bridged with inflated covariance"},
+         max_gap_s, 0.001, 1.0);
+  v.real({"imu.gap_accel_noise", "m/s^2/sqrt(Hz)", "accelerometer noise assumed in a gap"}, gap_accel_noise,
+         0.01, 100.0);
+  v.real({"imu.gap_gyro_noise", "rad/s/sqrt(Hz)", "gyro noise assumed in a gap"}, gap_gyro_noise, 0.001,
+         10.0);
+  v.integer({"imu.moving_init_scans", "", "scans that initialisation in motion looks at"}, moving_init_scans,
+            5, 200);
+  v.real({"imu.virtual_accel_noise", "m/s^2/sqrt(Hz)", "acceleration allowed by the constant-velocity model"},
+         virtual_accel_noise, 0.01, 100.0);
+  v.real({"imu.virtual_angular_accel_noise", "rad/s^2/sqrt(Hz)",
+          "angular acceleration allowed by the constant-velocity model"},
+         virtual_angular_accel_noise, 0.01, 100.0);
+}
+
+void FeatureConfig::visit(ParameterVisitor& v) {
+  v.integer({"features.curvature_neighbours", "", "least number of neighbours on each side along the ring"},
+            curvature_neighbours, 2, 20);
+  v.real({"features.curvature_half_width", "m",
+          "near the sensor the neighbours reach at least so far (at most four times as many)"},
+         curvature_half_width_m, 0.0, 5.0);
+  v.real({"features.plane_max_curvature", "",
+          "points with a smaller curvature (0 straight, 0.71 right angle, 1 spike) can be plane features"},
+         plane_max_curvature, 0.0, 1.0);
+  v.real({"features.edge_min_curvature", "", "points with a larger curvature can be edge features"},
+         edge_min_curvature, 0.0, 1.0);
+  v.real({"features.plane_spacing", "m", "least distance of plane features along a ring"}, plane_spacing_m,
+         0.01, 5.0);
+  v.integer({"features.sectors", "", "sectors of a ring that share the features equally"}, sectors, 1, 64);
+  v.integer({"features.max_planes", "", "most plane features of a scan"}, max_planes, 100, 100000);
+  v.integer({"features.max_edges", "", "most edge features of a scan"}, max_edges, 0, 100000);
+  v.real({"features.occlusion_jump", "",
+          "range jump between neighbours, as a share of the range, that makes an occlusion"},
+         occlusion_jump_ratio, 0.001, 1.0);
+  v.real({"features.min_incidence", "deg", "points that the beam grazes at a smaller angle are excluded"},
+         min_incidence_deg, 0.0, 45.0);
+}
+
+void MappingConfig::visit(ParameterVisitor& v) {
+  v.integer({"mapping.window_size", "", "scans in the fixed-lag smoother"}, window_size, 2, 20);
+  v.integer({"mapping.base_iterations", "", "N_base: association rounds of one scan"}, base_iterations, 1,
+            30);
+  v.real({"mapping.feature_voxel", "m", "voxel of the feature downsampling before matching"}, feature_voxel_m,
+         0.05, 5.0);
+  v.integer({"mapping.max_planes_matched", "", "most plane features that are matched"}, max_planes_matched,
+            100, 100000);
+  v.real({"mapping.map_voxel", "m",
+          "finest of the three voxel sizes of the local map; the others are twice and four times"},
+         map_voxel_m, 0.05, 5.0);
+  v.real({"mapping.map_radius", "m", "the local map forgets what is farther away"}, map_radius_m, 10.0,
+         1000.0);
+  v.integer({"mapping.plane_min_points", "", "points a voxel needs before it is used"}, plane_min_points, 4,
+            100);
+  v.integer({"mapping.max_points_per_voxel", "", "a voxel stops averaging after so many points"},
+            max_points_per_voxel, 5, 100000);
+  v.real({"mapping.plane_max_thickness", "m", "a voxel whose points deviate more is no plane or line"},
+         plane_max_thickness_m, 0.005, 1.0);
+  v.real({"mapping.max_residual", "m", "matches with a larger residual are rejected"}, max_residual_m, 0.01,
+         10.0);
+  v.real({"mapping.robust_scale", "", "Cauchy scale in standard deviations of a residual"}, robust_scale, 0.1,
+         100.0);
+  v.real({"mapping.surface_roughness", "m", "deviation of real surfaces from the map's planes"},
+         surface_roughness_m, 0.0, 0.5);
+  v.real({"mapping.correlation_factor", "",
+          "how many residuals share one independent error (map, beam calibration)"},
+         correlation_factor, 1.0, 1000.0);
+  v.real({"mapping.convergence_rotation", "rad", "iterations stop below this step"}, convergence_rotation_rad,
+         0.0, 0.1);
+  v.real({"mapping.convergence_translation", "m", "iterations stop below this step"},
+         convergence_translation_m, 0.0, 1.0);
+  v.real({"mapping.keyframe_distance", "m", "tau_0: motion that makes a keyframe"}, keyframe_distance_m, 0.01,
+         100.0);
+  v.real({"mapping.keyframe_rotation_weight", "m/rad", "lambda: metres that one radian counts"},
+         keyframe_rotation_weight_m_per_rad, 0.0, 100.0);
+  v.real({"mapping.output_map_voxel", "m", "voxel of the map that is saved"}, output_map_voxel_m, 0.01, 5.0);
+  v.flag({"mapping.use_edges", "", "match edge features to lines of the map"}, use_edges);
+}
+
+void Config::visit(ParameterVisitor& v) {
+  sensor.visit(v);
+  frames.visit(v);
+  imu.visit(v);
+  features.visit(v);
+  mapping.visit(v);
+  v.integer({"threads", "", "threads of one process; the result does not depend on it"}, threads, 1, 64);
+}
+
+}  // namespace fdi_lio

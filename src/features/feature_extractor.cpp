@@ -1,0 +1,214 @@
+#include "fdi_lio/features/feature_extractor.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "fdi_lio/common/parallel.hpp"
+
+namespace fdi_lio::features {
+
+namespace {
+
+/// What the points of one ring are good for.
+struct RingScratch {
+  std::vector<float> range;
+  std::vector<float> curvature;
+  std::vector<char> usable;
+};
+
+/// Features of one ring, as indices into the scan.
+struct RingFeatures {
+  std::vector<std::uint32_t> planes;
+  std::vector<float> plane_scores;
+  std::vector<std::uint32_t> edges;
+  std::vector<float> edge_scores;
+};
+
+/// View of one ring of a scan.
+struct Ring {
+  const Point* points;
+  std::uint32_t size;
+  std::uint32_t offset;
+};
+
+/// Half width of each point's window in points: wide enough in metres that range noise does not hide the
+/// shape.
+std::vector<std::uint32_t> window_sizes(const Ring& ring, const FeatureConfig& config,
+                                        const std::vector<float>& range) {
+  const auto least = static_cast<std::uint32_t>(config.curvature_neighbours);
+  const auto most = 4 * least;
+  const float angle_step = 2.0F * static_cast<float>(M_PI) / static_cast<float>(std::max(ring.size, 360U));
+  const auto half_width = static_cast<float>(config.curvature_half_width_m);
+  std::vector<std::uint32_t> sizes(ring.size);
+  for (std::uint32_t i = 0; i < ring.size; ++i) {
+    const float wanted = std::ceil(half_width / (range[i] * angle_step));
+    sizes[i] = std::clamp(static_cast<std::uint32_t>(std::min(wanted, 1000.0F)), least, most);
+  }
+  return sizes;
+}
+
+/// Deviation of point i from the middle of its N = 2 n neighbours, as in Zhang and Singh, "LOAM", RSS 2014,
+/// eq. (1), but set against the spread of the neighbours instead of the range, and less what range noise
+/// alone produces:
+///   c_i = max(0, |sum_j (p_j - p_i)| - 2 sigma sqrt(N^2 + N)) / ((n + 1) / 2 (|p_{i+n} - p_i| + |p_{i-n} -
+///   p_i|)).
+/// So 0 is a straight stretch, 0.71 a right angle and 1 a spike, whatever the beam spacing and the range.
+void compute_curvature(const Ring& ring, const FeatureConfig& config, float range_noise_m,
+                       RingScratch* scratch) {
+  scratch->range.resize(ring.size);
+  scratch->curvature.assign(ring.size, 0.0F);
+  scratch->usable.assign(ring.size, 0);
+  for (std::uint32_t i = 0; i < ring.size; ++i) scratch->range[i] = ring.points[i].position.norm();
+  const std::vector<std::uint32_t> sizes = window_sizes(ring, config, scratch->range);
+  std::vector<Eigen::Vector3d> prefix(ring.size + 1, Eigen::Vector3d::Zero());
+  for (std::uint32_t i = 0; i < ring.size; ++i)
+    prefix[i + 1] = prefix[i] + ring.points[i].position.cast<double>();
+  for (std::uint32_t i = 0; i < ring.size; ++i) {
+    const std::uint32_t n = sizes[i];
+    if (i < n || i + n >= ring.size) continue;
+    const Eigen::Vector3f& p = ring.points[i].position;
+    const auto count = static_cast<float>(2 * n);
+    const Eigen::Vector3f window = (prefix[i + n + 1] - prefix[i - n]).cast<float>();
+    const float deviation = (window - (count + 1.0F) * p).norm();
+    const float spread =
+        0.5F * static_cast<float>(n + 1) *
+        ((ring.points[i + n].position - p).norm() + (ring.points[i - n].position - p).norm());
+    const float noise_floor = 2.0F * range_noise_m * std::sqrt(count * count + count);
+    scratch->usable[i] = 1;
+    if (spread > 0.0F)
+      scratch->curvature[i] = std::min(1.0F, std::max(0.0F, deviation - noise_floor) / spread);
+  }
+}
+
+/// Excludes the far side of range jumps (its border moves with the sensor), both sides of missing returns,
+/// and surfaces that the beam grazes (LOAM, section V-A).
+void exclude_unreliable(const Ring& ring, const FeatureConfig& config, RingScratch* scratch) {
+  const auto n = static_cast<std::uint32_t>(config.curvature_neighbours);
+  if (ring.size < 2 * n + 1) return;
+  const auto jump_ratio = static_cast<float>(config.occlusion_jump_ratio);
+  const float min_sine = std::sin(static_cast<float>(config.min_incidence_deg * M_PI / 180.0));
+  for (std::uint32_t i = 0; i + 1 < ring.size; ++i) {
+    const float near_range = std::min(scratch->range[i], scratch->range[i + 1]);
+    const float jump = scratch->range[i + 1] - scratch->range[i];
+    if (std::abs(jump) <= jump_ratio * near_range) continue;
+    if (jump > 0.0F) {
+      const std::uint32_t last = std::min(ring.size - 1, i + n);
+      for (std::uint32_t j = i + 1; j <= last; ++j) scratch->usable[j] = 0;
+    } else {
+      const std::uint32_t first = i + 1 > n ? i + 1 - n : 0;
+      for (std::uint32_t j = first; j <= i; ++j) scratch->usable[j] = 0;
+    }
+  }
+  for (std::uint32_t i = n; i + n < ring.size; ++i) {
+    if (scratch->usable[i] == 0) continue;
+    const Eigen::Vector3f tangent = ring.points[i + 1].position - ring.points[i - 1].position;
+    const float sine_sq_scaled = ring.points[i].position.cross(tangent).squaredNorm();
+    const float scale = scratch->range[i] * scratch->range[i] * tangent.squaredNorm();
+    if (sine_sq_scaled < min_sine * min_sine * scale) scratch->usable[i] = 0;
+  }
+}
+
+void select_edges(const Ring& ring, const RingScratch& scratch, const FeatureConfig& config,
+                  std::uint32_t quota, std::uint32_t begin, std::uint32_t end, RingFeatures* out) {
+  const auto n = static_cast<std::uint32_t>(config.curvature_neighbours);
+  const auto threshold = static_cast<float>(config.edge_min_curvature);
+  std::vector<std::uint32_t> candidates;
+  for (std::uint32_t i = begin; i < end; ++i) {
+    if (scratch.usable[i] != 0 && scratch.curvature[i] > threshold) candidates.push_back(i);
+  }
+  std::stable_sort(candidates.begin(), candidates.end(), [&scratch](std::uint32_t a, std::uint32_t b) {
+    return scratch.curvature[a] > scratch.curvature[b];
+  });
+  std::vector<std::uint32_t> taken;
+  for (const std::uint32_t candidate : candidates) {
+    if (taken.size() >= quota) break;
+    const bool is_near_taken = std::any_of(taken.begin(), taken.end(), [&](std::uint32_t other) {
+      return (candidate > other ? candidate - other : other - candidate) <= n;
+    });
+    if (is_near_taken) continue;
+    taken.push_back(candidate);
+    out->edges.push_back(ring.offset + candidate);
+    out->edge_scores.push_back(std::min(1.0F, scratch.curvature[candidate]));
+  }
+}
+
+void select_planes(const Ring& ring, const RingScratch& scratch, const FeatureConfig& config,
+                   std::uint32_t quota, std::uint32_t begin, std::uint32_t end, RingFeatures* out) {
+  const auto threshold = static_cast<float>(config.plane_max_curvature);
+  const auto spacing_sq = static_cast<float>(config.plane_spacing_m * config.plane_spacing_m);
+  std::vector<std::uint32_t> taken;
+  for (std::uint32_t i = begin; i < end; ++i) {
+    if (scratch.usable[i] == 0 || scratch.curvature[i] > threshold) continue;
+    if (!taken.empty() &&
+        (ring.points[i].position - ring.points[taken.back()].position).squaredNorm() < spacing_sq) {
+      continue;
+    }
+    taken.push_back(i);
+  }
+  // Over the quota every k-th stays, so that what is left still covers the sector evenly.
+  const std::size_t count = std::min<std::size_t>(quota, taken.size());
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::uint32_t i = taken[k * taken.size() / count];
+    out->planes.push_back(ring.offset + i);
+    out->plane_scores.push_back(1.0F - scratch.curvature[i] / threshold);
+  }
+}
+
+RingFeatures extract_ring(const Ring& ring, const FeatureConfig& config, float range_noise_m,
+                          std::uint32_t plane_quota, std::uint32_t edge_quota) {
+  RingScratch scratch;
+  compute_curvature(ring, config, range_noise_m, &scratch);
+  exclude_unreliable(ring, config, &scratch);
+  RingFeatures out;
+  const auto sectors = static_cast<std::uint32_t>(config.sectors);
+  for (std::uint32_t sector = 0; sector < sectors; ++sector) {
+    const std::uint32_t begin = ring.size * sector / sectors;
+    const std::uint32_t end = ring.size * (sector + 1) / sectors;
+    select_edges(ring, scratch, config, edge_quota, begin, end, &out);
+    select_planes(ring, scratch, config, plane_quota, begin, end, &out);
+  }
+  return out;
+}
+
+}  // namespace
+
+FeatureExtractor::FeatureExtractor(const Config& config, Reporter* reporter)
+    : config_(config.features),
+      range_noise_m_(static_cast<float>(config.sensor.range_noise_m)),
+      reporter_(reporter) {}
+
+FeatureSet FeatureExtractor::extract(const DeskewedScan& scan, const degeneracy::Degeneracy& /*previous*/) {
+  const std::size_t rings = scan.ring_count();
+  FeatureSet features;
+  features.stamp = scan.stamp;
+  if (rings == 0) return features;
+  const std::size_t cells = rings * static_cast<std::size_t>(config_.sectors);
+  const auto quota = [cells](int total) {
+    return static_cast<std::uint32_t>((static_cast<std::size_t>(total) + cells - 1) / cells);
+  };
+  std::vector<RingFeatures> found(rings);
+  parallel_chunks(rings, 4, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for (std::size_t r = begin; r < end; ++r) {
+      const Ring ring{scan.points.data() + scan.ring_begin[r], scan.ring_begin[r + 1] - scan.ring_begin[r],
+                      scan.ring_begin[r]};
+      found[r] =
+          extract_ring(ring, config_, range_noise_m_, quota(config_.max_planes), quota(config_.max_edges));
+    }
+  });
+  for (const RingFeatures& ring : found) {
+    for (const std::uint32_t i : ring.planes) features.planes.push_back(scan.points[i]);
+    for (const std::uint32_t i : ring.edges) features.edges.push_back(scan.points[i]);
+    features.plane_scores.insert(features.plane_scores.end(), ring.plane_scores.begin(),
+                                 ring.plane_scores.end());
+    features.edge_scores.insert(features.edge_scores.end(), ring.edge_scores.begin(), ring.edge_scores.end());
+  }
+  if (features.planes.empty() && features.edges.empty()) {
+    reporter_->report(
+        Severity::kWarning, "features_none",
+        "a scan of " + std::to_string(scan.points.size()) + " points has no edge and no plane feature");
+  }
+  return features;
+}
+
+}  // namespace fdi_lio::features

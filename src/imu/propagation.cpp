@@ -1,0 +1,80 @@
+#include "fdi_lio/imu/propagation.hpp"
+
+#include "fdi_lio/common/so3.hpp"
+
+namespace fdi_lio::imu {
+
+NavState step(const NavState& state, const ImuSample& before, const ImuSample& after) {
+  const double dt = seconds_between(state.stamp, after.stamp);
+  const Eigen::Vector3d rate = 0.5 * (before.angular_velocity + after.angular_velocity) - state.gyro_bias;
+  NavState next = state;
+  next.stamp = after.stamp;
+  next.q_odom_imu = (state.q_odom_imu * so3::exp_q(dt * rate)).normalized();
+  next.w_imu = after.angular_velocity - state.gyro_bias;
+  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();
+  if (state.imu_status == ImuStatus::kInitialised) {
+    const Eigen::Vector3d force = 0.5 * (before.acceleration + after.acceleration) - state.accel_bias;
+    acceleration = state.q_odom_imu * so3::exp_q(0.5 * dt * rate) * force + state.g_odom;
+  }
+  next.t_odom_imu += dt * state.v_odom + 0.5 * dt * dt * acceleration;
+  next.v_odom += dt * acceleration;
+  return next;
+}
+
+NavState coast(const NavState& state, Stamp to) {
+  const double dt = seconds_between(state.stamp, to);
+  NavState next = state;
+  next.stamp = to;
+  next.t_odom_imu += dt * state.v_odom;
+  next.q_odom_imu = (state.q_odom_imu * so3::exp_q(dt * state.w_imu)).normalized();
+  return next;
+}
+
+std::vector<NavState> propagate(const NavState& from, const std::vector<ImuSample>& samples, Stamp to) {
+  std::vector<NavState> states{from};
+  const ImuSample* before = nullptr;
+  for (const ImuSample& sample : samples) {
+    if (sample.stamp <= from.stamp) {
+      before = &sample;
+      continue;
+    }
+    ImuSample after = sample;
+    if (before == nullptr) before = &sample;
+    if (sample.stamp > to) {
+      // The last interval ends at `to`, with the reading interpolated there.
+      const double span = seconds_between(before->stamp, sample.stamp);
+      const double ratio = span > 0.0 ? seconds_between(before->stamp, to) / span : 1.0;
+      after.stamp = to;
+      after.acceleration = before->acceleration + ratio * (sample.acceleration - before->acceleration);
+      after.angular_velocity =
+          before->angular_velocity + ratio * (sample.angular_velocity - before->angular_velocity);
+    }
+    if (states.back().stamp < after.stamp) states.push_back(step(states.back(), *before, after));
+    before = &sample;
+    if (sample.stamp >= to) break;
+  }
+  if (states.back().stamp < to) states.push_back(coast(states.back(), to));
+  return states;
+}
+
+void ImuPropagator::set_state(const NavState& state, const ImuBuffer& buffer) {
+  state_ = state;
+  last_sample_.reset();
+  if (buffer.empty() || buffer.newest() <= state.stamp) return;
+  state_ = propagate(state, buffer.between(state.stamp, buffer.newest()), buffer.newest()).back();
+  last_sample_ = buffer.samples().back();
+}
+
+std::optional<NavState> ImuPropagator::add(const ImuSample& sample) {
+  if (!state_) return std::nullopt;
+  if (sample.stamp > state_->stamp) state_ = step(*state_, last_sample_ ? *last_sample_ : sample, sample);
+  last_sample_ = sample;
+  return state_;
+}
+
+void ImuPropagator::reset() {
+  state_.reset();
+  last_sample_.reset();
+}
+
+}  // namespace fdi_lio::imu

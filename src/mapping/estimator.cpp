@@ -1,0 +1,387 @@
+#include "fdi_lio/mapping/estimator.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_set>
+#include <utility>
+
+#include <Eigen/Eigenvalues>
+
+#include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/imu/initialisation.hpp"
+#include "fdi_lio/imu/preintegration.hpp"
+#include "fdi_lio/mapping/scan_matcher.hpp"
+#include "fdi_lio/mapping/smoother.hpp"
+#include "fdi_lio/mapping/voxel_map.hpp"
+
+namespace fdi_lio::mapping {
+
+namespace {
+
+/// The first scans, before a velocity is known, look farther and iterate longer.
+constexpr int kStartScans = 5;
+constexpr int kStartIterations = 20;
+constexpr double kStartMaxResidual = 3.0;
+/// A pose needs this many matches to be trusted at all.
+constexpr std::size_t kMinMatches = 30;
+constexpr double kMapTrimDistance = 10.0;
+constexpr double kMaxStaticSpeed = 0.1;
+
+VoxelMapConfig map_config(const MappingConfig& mapping) {
+  VoxelMapConfig config;
+  config.voxel_size_m = mapping.map_voxel_m;
+  config.min_points = static_cast<std::uint32_t>(mapping.plane_min_points);
+  config.max_points = static_cast<std::uint32_t>(mapping.max_points_per_voxel);
+  config.max_thickness_m = mapping.plane_max_thickness_m;
+  return config;
+}
+
+/// The first point of each voxel, in the order of the input.
+std::vector<Eigen::Vector3d> downsample(const std::vector<Eigen::Vector3d>& points, double voxel_m) {
+  std::vector<Eigen::Vector3d> kept;
+  std::unordered_set<std::uint64_t> seen;
+  seen.reserve(points.size());
+  for (const Eigen::Vector3d& point : points) {
+    std::uint64_t key = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto cell = static_cast<std::int64_t>(std::floor(point[axis] / voxel_m));
+      key = (key << 21) | (static_cast<std::uint64_t>(cell) & 0x1fffff);
+    }
+    if (seen.insert(key).second) kept.push_back(point);
+  }
+  return kept;
+}
+
+/// Every k-th point, so that at most `limit` stay.
+std::vector<Eigen::Vector3d> thin_out(const std::vector<Eigen::Vector3d>& points, std::size_t limit) {
+  if (points.size() <= limit) return points;
+  std::vector<Eigen::Vector3d> kept;
+  kept.reserve(limit);
+  for (std::size_t k = 0; k < limit; ++k) kept.push_back(points[k * points.size() / limit]);
+  return kept;
+}
+
+}  // namespace
+
+class Estimator::Implementation {
+ public:
+  Implementation(const Config& config, Reporter* reporter)
+      : config_(config),
+        reporter_(reporter),
+        T_imu_lidar_(config.sensor.T_imu_lidar()),
+        matcher_(config),
+        smoother_(config.mapping.window_size, config.sensor.gravity_mps2),
+        plane_map_(map_config(config.mapping)),
+        edge_map_(map_config(config.mapping)) {}
+
+  std::optional<EstimateResult> add(const FeatureSet& features, const degeneracy::Degeneracy& degeneracy,
+                                    const std::optional<imu::Preintegration>& imu);
+
+  std::optional<imu::NavState> state() const {
+    if (smoother_.empty()) return std::nullopt;
+    return smoother_.newest();
+  }
+
+  std::vector<Point> local_map() const;
+  std::size_t map_voxel_count() const { return plane_map_.cell_count() + edge_map_.cell_count(); }
+
+ private:
+  void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
+  void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
+  LidarInformation optimise(const MatchInput& input, EstimateResult* result);
+  void try_static_start(const imu::Preintegration& imu);
+  void try_moving_start(const imu::Preintegration& imu);
+  void adopt_imu(imu::NavState state, const Smoother::InitialSigma& sigma);
+  void insert(const FeatureSet& features);
+  bool decide_keyframe();
+  MatchInput match_input(const FeatureSet& features) const;
+  std::vector<Eigen::Vector3d> to_body(const std::vector<Point>& points) const;
+
+  Config config_;
+  Reporter* reporter_;
+  Eigen::Isometry3d T_imu_lidar_;
+  ScanMatcher matcher_;
+  Smoother smoother_;
+  VoxelMap plane_map_;
+  VoxelMap edge_map_;
+  int scan_count_ = 0;
+  imu::NavState before_;  ///< estimate of the scan before
+  imu::NavState alignment_start_;
+  std::vector<imu::AlignmentInterval> alignment_;
+  Eigen::Isometry3d T_odom_keyframe_ = Eigen::Isometry3d::Identity();
+  Eigen::Vector3d trimmed_at_ = Eigen::Vector3d::Zero();
+};
+
+std::vector<Eigen::Vector3d> Estimator::Implementation::to_body(const std::vector<Point>& points) const {
+  std::vector<Eigen::Vector3d> body;
+  body.reserve(points.size());
+  for (const Point& point : points) body.push_back(T_imu_lidar_ * point.position.cast<double>());
+  return body;
+}
+
+MatchInput Estimator::Implementation::match_input(const FeatureSet& features) const {
+  MatchInput input;
+  const std::size_t limit = static_cast<std::size_t>(config_.mapping.max_planes_matched);
+  input.planes = thin_out(downsample(to_body(features.planes), config_.mapping.feature_voxel_m), limit);
+  if (config_.mapping.use_edges) {
+    input.edges = downsample(to_body(features.edges), 0.5 * config_.mapping.feature_voxel_m);
+  }
+  input.origin = T_imu_lidar_.translation();
+  return input;
+}
+
+void Estimator::Implementation::start(const FeatureSet& features,
+                                      const std::optional<imu::Preintegration>& imu) {
+  imu::NavState first;
+  first.stamp = features.stamp;
+  first.g_odom = Eigen::Vector3d(0.0, 0.0, -config_.sensor.gravity_mps2);
+  if (imu) first.q_odom_imu = imu::level_orientation(imu->recent);
+  first.imu_status = imu ? imu::ImuStatus::kInitialising : imu::ImuStatus::kNone;
+  if (!imu) {
+    reporter_->report(
+        Severity::kWarning, "lidar_only",
+        "no IMU data: the motion is predicted by constant velocity; sensor.imu_topic names the topic");
+  }
+  smoother_.start(first, Smoother::InitialSigma());
+  if (imu) try_static_start(*imu);
+}
+
+void Estimator::Implementation::predict(const FeatureSet& features,
+                                        const std::optional<imu::Preintegration>& imu) {
+  const imu::NavState& newest = smoother_.newest();
+  const bool has_imu = imu && imu->sample_count > 0 && imu->from == newest.stamp && imu->to == features.stamp;
+  if (!has_imu) {
+    if (newest.imu_status != imu::ImuStatus::kNone) {
+      reporter_->report(
+          Severity::kWarning, "imu_missing",
+          "no IMU data for the interval before a scan: its motion is predicted by constant velocity");
+    }
+    const imu::Preintegration motion = imu::constant_velocity(newest, features.stamp, config_.imu);
+    imu::NavState still = newest;
+    still.g_odom.setZero();
+    imu::NavState predicted = imu::predict(still, motion);
+    predicted.g_odom = newest.g_odom;
+    smoother_.add(predicted, motion, false);
+    return;
+  }
+  if (newest.imu_status == imu::ImuStatus::kInitialised) {
+    smoother_.add(imu::predict(newest, *imu), *imu, true);
+    return;
+  }
+  const imu::Preintegration motion = imu::gyro_only(*imu, config_.imu);
+  imu::NavState still = newest;
+  still.g_odom.setZero();
+  imu::NavState predicted = imu::predict(still, motion);
+  predicted.g_odom = newest.g_odom;
+  predicted.imu_status = imu::ImuStatus::kInitialising;
+  smoother_.add(predicted, motion, false);
+}
+
+LidarInformation Estimator::Implementation::optimise(const MatchInput& input, EstimateResult* result) {
+  const bool is_start =
+      scan_count_ <= kStartScans && smoother_.newest().imu_status != imu::ImuStatus::kInitialised;
+  const int iterations = is_start ? kStartIterations : config_.mapping.base_iterations;
+  MatchSettings settings;
+  settings.wide = is_start;
+  LidarInformation information;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    const imu::NavState current = smoother_.newest();
+    const double progress = static_cast<double>(iteration) / iterations;
+    settings.max_residual_m =
+        is_start ? std::max(config_.mapping.max_residual_m, kStartMaxResidual * (1.0 - progress))
+                 : config_.mapping.max_residual_m;
+    information =
+        matcher_.linearise(input, plane_map_, edge_map_, current.q_odom_imu, current.t_odom_imu, settings);
+    result->status.iterations = static_cast<std::uint32_t>(iteration + 1);
+    if (information.planes + information.edges < kMinMatches) {
+      result->is_healthy = false;
+      return information;
+    }
+    smoother_.set_lidar(information);
+    if (!smoother_.solve()) {
+      reporter_->report(Severity::kError, "solver",
+                        "the optimisation of a scan failed: its pose is a prediction");
+      result->is_healthy = false;
+      return information;
+    }
+    const imu::NavState& moved = smoother_.newest();
+    const double turn =
+        so3::log(Eigen::Quaterniond(current.q_odom_imu.conjugate() * moved.q_odom_imu)).norm();
+    const double shift = (current.t_odom_imu - moved.t_odom_imu).norm();
+    if (turn < config_.mapping.convergence_rotation_rad && shift < config_.mapping.convergence_translation_m)
+      break;
+  }
+  return information;
+}
+
+void Estimator::Implementation::adopt_imu(imu::NavState state, const Smoother::InitialSigma& sigma) {
+  state.imu_status = imu::ImuStatus::kInitialised;
+  smoother_.start(state, sigma);
+  alignment_.clear();
+}
+
+void Estimator::Implementation::try_static_start(const imu::Preintegration& imu) {
+  if (!imu::is_static(imu.recent, config_.imu)) return;
+  imu::NavState state = smoother_.newest();
+  if (scan_count_ > 0 && state.v_odom.norm() > kMaxStaticSpeed) return;
+  state.v_odom.setZero();
+  state.gyro_bias = imu.recent.mean_angular_velocity;
+  state.accel_bias.setZero();
+  state.g_odom =
+      -config_.sensor.gravity_mps2 * (state.q_odom_imu * imu.recent.mean_acceleration).normalized();
+  state.w_imu.setZero();
+  Smoother::InitialSigma sigma;
+  sigma.velocity = 0.02;
+  sigma.gyro_bias = 2e-3;
+  adopt_imu(state, sigma);
+  reporter_->report(Severity::kInfo, "imu_static", "IMU initialised standing still");
+}
+
+void Estimator::Implementation::try_moving_start(const imu::Preintegration& imu) {
+  const imu::NavState& newest = smoother_.newest();
+  if (alignment_.empty()) alignment_start_ = before_;
+  alignment_.push_back({newest.q_odom_imu, newest.t_odom_imu, imu});
+  if (static_cast<int>(alignment_.size()) < config_.imu.moving_init_scans) return;
+  const auto aligned = imu::align_in_motion(alignment_start_.q_odom_imu, alignment_start_.t_odom_imu,
+                                            alignment_, config_.sensor.gravity_mps2);
+  if (!aligned || aligned->gravity_error_mps2 > 0.5) {
+    if (aligned) {
+      reporter_->report(
+          Severity::kWarning, "imu_align",
+          "gravity found in motion is off by " + std::to_string(aligned->gravity_error_mps2) +
+              " m/s^2: check sensor.T_imu_lidar, sensor.acceleration_unit and the clocks; trying again");
+    }
+    alignment_start_.q_odom_imu = alignment_.front().q_odom_imu;
+    alignment_start_.t_odom_imu = alignment_.front().t_odom_imu;
+    alignment_.erase(alignment_.begin());
+    return;
+  }
+  imu::NavState state = newest;
+  state.gyro_bias = aligned->gyro_bias;
+  state.accel_bias.setZero();
+  state.g_odom = aligned->g_odom;
+  state.v_odom = aligned->v_odom;
+  state.w_imu = imu.last_angular_velocity - state.gyro_bias;
+  Smoother::InitialSigma sigma;
+  sigma.velocity = 0.2;
+  sigma.gyro_bias = 5e-3;
+  sigma.gravity = 0.3;
+  sigma.accel_bias = 0.2;
+  adopt_imu(state, sigma);
+  reporter_->report(Severity::kInfo, "imu_moving", "IMU initialised in motion");
+}
+
+void Estimator::Implementation::insert(const FeatureSet& features) {
+  const imu::NavState& newest = smoother_.newest();
+  const Eigen::Isometry3d T_odom_lidar = newest.T_odom_imu() * T_imu_lidar_;
+  const auto add = [&T_odom_lidar](const std::vector<Point>& source, VoxelMap* map) {
+    std::vector<Eigen::Vector3d> points;
+    std::vector<float> intensities;
+    points.reserve(source.size());
+    intensities.reserve(source.size());
+    for (const Point& point : source) {
+      points.push_back(T_odom_lidar * point.position.cast<double>());
+      intensities.push_back(point.intensity);
+    }
+    map->insert(points, intensities);
+  };
+  add(features.planes, &plane_map_);
+  if (config_.mapping.use_edges) add(features.edges, &edge_map_);
+  if ((newest.t_odom_imu - trimmed_at_).norm() > kMapTrimDistance) {
+    plane_map_.keep_within(newest.t_odom_imu, config_.mapping.map_radius_m);
+    edge_map_.keep_within(newest.t_odom_imu, config_.mapping.map_radius_m);
+    trimmed_at_ = newest.t_odom_imu;
+  }
+}
+
+bool Estimator::Implementation::decide_keyframe() {
+  const Eigen::Isometry3d T = smoother_.newest().T_odom_imu();
+  const Eigen::Isometry3d T_keyframe_now = T_odom_keyframe_.inverse() * T;
+  const double rotation = so3::log(Eigen::Matrix3d(T_keyframe_now.rotation())).norm();
+  const double motion =
+      T_keyframe_now.translation().norm() + config_.mapping.keyframe_rotation_weight_m_per_rad * rotation;
+  if (scan_count_ > 0 && motion <= config_.mapping.keyframe_distance_m) return false;
+  T_odom_keyframe_ = T;
+  return true;
+}
+
+std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& features,
+                                                             const degeneracy::Degeneracy& /*degeneracy*/,
+                                                             const std::optional<imu::Preintegration>& imu) {
+  if (!smoother_.empty() && features.stamp <= smoother_.newest().stamp) {
+    reporter_->report(Severity::kWarning, "scan_order",
+                      "a scan whose stamp does not follow the one before was dropped");
+    return std::nullopt;
+  }
+  EstimateResult result;
+  if (smoother_.empty()) {
+    start(features, imu);
+  } else {
+    before_ = smoother_.newest();
+    predict(features, imu);
+    const LidarInformation information = optimise(match_input(features), &result);
+    result.matched_planes = information.planes;
+    result.matched_edges = information.edges;
+    const std::size_t matched = information.planes + 2 * information.edges;
+    result.status.matched = static_cast<std::uint32_t>(matched);
+    if (matched > 0)
+      result.status.residual_rms_m = std::sqrt(information.squared_error / static_cast<double>(matched));
+    const imu::NavState& newest = smoother_.newest();
+    const double dt = seconds_between(before_.stamp, newest.stamp);
+    const bool has_imu = imu && imu->sample_count > 0;
+    // Without an IMU the angular velocity is the mean of the last interval.
+    const Eigen::Vector3d w_imu =
+        has_imu ? Eigen::Vector3d(imu->last_angular_velocity - newest.gyro_bias)
+                : Eigen::Vector3d(
+                      so3::log(Eigen::Quaterniond(before_.q_odom_imu.conjugate() * newest.q_odom_imu)) / dt);
+    smoother_.annotate_newest(newest.imu_status, w_imu);
+    if (has_imu && newest.imu_status != imu::ImuStatus::kInitialised && scan_count_ > 1) {
+      try_static_start(*imu);
+      if (smoother_.newest().imu_status != imu::ImuStatus::kInitialised) try_moving_start(*imu);
+    }
+  }
+  result.state = smoother_.newest();
+  result.covariance = smoother_.covariance().topLeftCorner<6, 6>();
+  result.status.stamp = features.stamp;
+  if (!result.is_healthy) {
+    reporter_->report(Severity::kWarning, "no_match",
+                      "a scan has too few matches with the map (" + std::to_string(result.status.matched) +
+                          "): its pose is a prediction");
+  }
+  if (result.is_healthy || plane_map_.empty()) insert(features);
+  result.is_keyframe = decide_keyframe();
+  ++scan_count_;
+  return result;
+}
+
+std::vector<Point> Estimator::Implementation::local_map() const {
+  std::vector<Point> points;
+  for (const VoxelMap* map : {&plane_map_, &edge_map_}) {
+    for (const Cell* cell : map->finest_cells()) {
+      Point point;
+      point.position = cell->mean.cast<float>();
+      point.intensity = cell->mean_intensity;
+      points.push_back(point);
+    }
+  }
+  return points;
+}
+
+Estimator::Estimator(const Config& config, Reporter* reporter)
+    : config_(config),
+      reporter_(reporter),
+      implementation_(std::make_unique<Implementation>(config, reporter)) {}
+Estimator::~Estimator() = default;
+
+std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
+                                             const degeneracy::Degeneracy& degeneracy,
+                                             const std::optional<imu::Preintegration>& imu) {
+  return implementation_->add(features, degeneracy, imu);
+}
+
+std::optional<imu::NavState> Estimator::state() const { return implementation_->state(); }
+std::vector<Point> Estimator::local_map() const { return implementation_->local_map(); }
+std::size_t Estimator::map_voxel_count() const { return implementation_->map_voxel_count(); }
+void Estimator::reset() { implementation_ = std::make_unique<Implementation>(config_, reporter_); }
+
+}  // namespace fdi_lio::mapping

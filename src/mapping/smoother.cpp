@@ -1,0 +1,183 @@
+#include "fdi_lio/mapping/smoother.hpp"
+
+#include <algorithm>
+#include <memory>
+#include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <ceres/problem.h>
+#include <ceres/solver.h>
+
+namespace fdi_lio::mapping {
+
+namespace {
+
+constexpr int kMaxIterations = 3;  ///< the association is renewed outside, so that few inner steps suffice
+
+Eigen::MatrixXd to_dense(const ceres::CRSMatrix& sparse) {
+  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(sparse.num_rows, sparse.num_cols);
+  for (int row = 0; row < sparse.num_rows; ++row) {
+    for (int k = sparse.rows[row]; k < sparse.rows[row + 1]; ++k)
+      dense(row, sparse.cols[k]) = sparse.values[k];
+  }
+  return dense;
+}
+
+ceres::Problem::Options problem_options() {
+  ceres::Problem::Options options;
+  options.disable_all_safety_checks = true;
+  return options;
+}
+
+}  // namespace
+
+/// The window as a Ceres problem over perturbations that start at zero.
+class Smoother::Problem {
+ public:
+  /// With `count` states from the oldest on; `lidar_count` of them with their lidar information.
+  Problem(const Smoother& smoother, std::size_t count, std::size_t lidar_count)
+      : problem_(problem_options()), states_(count, Vector15d::Zero()) {
+    const std::deque<Entry>& window = smoother.window_;
+    for (Vector15d& state : states_) problem_.AddParameterBlock(state.data(), kStateSize);
+    problem_.AddParameterBlock(gravity_.data(), kGravitySize);
+    problem_.AddResidualBlock(new PriorCost(window[0].state, smoother.prior_), nullptr, states_[0].data(),
+                              gravity_.data());
+    for (std::size_t k = 1; k < count; ++k) {
+      problem_.AddResidualBlock(
+          new MotionCost(window[k - 1].state, window[k].state, window[k].motion, window[k].with_gravity),
+          nullptr, states_[k - 1].data(), states_[k].data(), gravity_.data());
+    }
+    for (std::size_t k = 0; k < lidar_count; ++k) {
+      if (!window[k].lidar) continue;
+      problem_.AddResidualBlock(new LidarCost(window[k].state, *window[k].lidar), nullptr, states_[k].data());
+    }
+  }
+
+  void hold_gravity_norm(const imu::NavState& state, double magnitude) {
+    problem_.AddResidualBlock(new GravityNormCost(state, magnitude), nullptr, gravity_.data());
+  }
+
+  bool solve() {
+    ceres::Solver::Options options;
+    options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    options.max_num_iterations = kMaxIterations;
+    options.num_threads = 1;
+    // The residuals are close to linear and neighbouring states strongly correlated: any noticeable damping
+    // would leave the weak directions short of the minimum.
+    options.initial_trust_region_radius = 1e12;
+    options.max_trust_region_radius = 1e16;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem_, &summary);
+    return summary.IsSolutionUsable();
+  }
+
+  /// Normal equations at zero perturbation, ordered by state and then gravity.
+  void normal_equations(Eigen::MatrixXd* H, Eigen::VectorXd* b) {
+    ceres::Problem::EvaluateOptions options;
+    for (Vector15d& state : states_) options.parameter_blocks.push_back(state.data());
+    options.parameter_blocks.push_back(gravity_.data());
+    std::vector<double> residuals;
+    ceres::CRSMatrix jacobian;
+    problem_.Evaluate(options, nullptr, &residuals, nullptr, &jacobian);
+    const Eigen::MatrixXd J = to_dense(jacobian);
+    *H = J.transpose() * J;
+    *b = J.transpose() *
+         Eigen::Map<const Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size()));
+  }
+
+  const Vector15d& state(std::size_t k) const { return states_[k]; }
+  const Eigen::Vector3d& gravity() const { return gravity_; }
+
+ private:
+  ceres::Problem problem_;
+  std::vector<Vector15d> states_;
+  Eigen::Vector3d gravity_ = Eigen::Vector3d::Zero();
+};
+
+Smoother::Smoother(int window_size, double gravity_mps2)
+    : window_size_(window_size), gravity_mps2_(gravity_mps2) {}
+
+void Smoother::start(const imu::NavState& state, const InitialSigma& sigma) {
+  window_.clear();
+  window_.emplace_back();
+  window_.back().state = state;
+  prior_ = StatePrior();
+  prior_.linearisation = state;
+  const double sigmas[] = {sigma.theta,     sigma.position,   sigma.velocity,
+                           sigma.gyro_bias, sigma.accel_bias, sigma.gravity};
+  for (int k = 0; k < kPriorSize; ++k) prior_.sqrt_information(k, k) = 1.0 / sigmas[k / 3];
+}
+
+void Smoother::add(const imu::NavState& predicted, const imu::Preintegration& motion, bool with_gravity) {
+  while (static_cast<int>(window_.size()) >= window_size_) marginalise_oldest();
+  Entry entry;
+  entry.state = predicted;
+  entry.motion = motion;
+  entry.has_motion = true;
+  entry.with_gravity = with_gravity;
+  window_.push_back(entry);
+}
+
+void Smoother::set_lidar(const LidarInformation& information) { window_.back().lidar = information; }
+
+bool Smoother::solve() {
+  Problem problem(*this, window_.size(), window_.size());
+  problem.hold_gravity_norm(window_[0].state, gravity_mps2_);
+  if (!problem.solve()) return false;
+  for (std::size_t k = 0; k < window_.size(); ++k) {
+    if (!problem.state(k).allFinite()) return false;
+  }
+  for (std::size_t k = 0; k < window_.size(); ++k) {
+    window_[k].state = apply(window_[k].state, problem.state(k).data(), problem.gravity().data());
+  }
+  return true;
+}
+
+void Smoother::annotate_newest(imu::ImuStatus status, const Eigen::Vector3d& w_imu) {
+  window_.back().state.imu_status = status;
+  window_.back().state.w_imu = w_imu;
+}
+
+Matrix15d Smoother::covariance() const {
+  Problem problem(*this, window_.size(), window_.size());
+  problem.hold_gravity_norm(window_[0].state, gravity_mps2_);
+  Eigen::MatrixXd H;
+  Eigen::VectorXd b;
+  problem.normal_equations(&H, &b);
+  const Eigen::Index first = static_cast<Eigen::Index>(kStateSize * (window_.size() - 1));
+  Eigen::MatrixXd selected = Eigen::MatrixXd::Zero(H.rows(), kStateSize);
+  selected.block(first, 0, kStateSize, kStateSize).setIdentity();
+  const Eigen::MatrixXd columns = H.ldlt().solve(selected);
+  const Matrix15d covariance = columns.block(first, 0, kStateSize, kStateSize);
+  return 0.5 * (covariance + covariance.transpose());
+}
+
+/// Schur complement of the oldest state in the factors that touch it: what is known of the next state and of
+/// gravity.
+void Smoother::marginalise_oldest() {
+  if (window_.size() < 2) {
+    return;
+  }
+  Problem problem(*this, 2, 1);
+  Eigen::MatrixXd H;
+  Eigen::VectorXd b;
+  problem.normal_equations(&H, &b);
+  const Eigen::MatrixXd Hmm = H.topLeftCorner<kStateSize, kStateSize>();
+  const Eigen::MatrixXd Hrm = H.bottomLeftCorner<kPriorSize, kStateSize>();
+  const Eigen::LDLT<Eigen::MatrixXd> solver(Hmm);
+  const Eigen::MatrixXd Hrr =
+      H.bottomRightCorner<kPriorSize, kPriorSize>() - Hrm * solver.solve(Hrm.transpose());
+  const Eigen::VectorXd br = b.tail<kPriorSize>() - Hrm * solver.solve(b.head<kStateSize>());
+  Eigen::MatrixXd A;
+  Eigen::VectorXd e;
+  factorise(Hrr, br, 1e-16, &A, &e);
+  prior_.sqrt_information = A;
+  prior_.offset = e;
+  prior_.linearisation = window_[1].state;
+  window_.pop_front();
+  window_.front().has_motion = false;
+}
+
+}  // namespace fdi_lio::mapping

@@ -1,0 +1,107 @@
+#include "fdi_lio/pipeline/slam_pipeline.hpp"
+
+#include <chrono>
+#include <utility>
+
+#include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
+#include "fdi_lio/features/feature_extractor.hpp"
+#include "fdi_lio/imu/imu_buffer.hpp"
+#include "fdi_lio/imu/preintegration.hpp"
+#include "fdi_lio/scan/scan_processor.hpp"
+
+namespace fdi_lio::pipeline {
+
+class SlamPipeline::Implementation {
+ public:
+  Implementation(const Config& config, Reporter* reporter, OutputCallback on_output, TimingCallback on_timing)
+      : config_(config),
+        on_output_(std::move(on_output)),
+        on_timing_(std::move(on_timing)),
+        imu_(config.sensor, reporter),
+        scan_processor_(config, reporter),
+        extractor_(config, reporter),
+        degeneracy_(config, reporter),
+        estimator_(config, reporter) {}
+
+  void add_imu(const imu::ImuSample& sample) {
+    if (!imu_.add(sample)) return;
+    if (waiting_ && imu_.newest() >= waiting_->stamp) process_waiting();
+  }
+
+  void add_scan(Scan scan) {
+    if (waiting_) process_waiting();
+    waiting_ = std::move(scan);
+    if (!imu_.empty() && imu_.newest() >= waiting_->stamp) process_waiting();
+  }
+
+  void finish() {
+    if (waiting_) process_waiting();
+  }
+
+ private:
+  template <typename Stage>
+  auto timed(const char* name, const Stage& stage) {
+    const auto begin = std::chrono::steady_clock::now();
+    auto result = stage();
+    on_timing_(name,
+               std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
+    return result;
+  }
+
+  std::optional<imu::Preintegration> preintegrate(Stamp to) {
+    if (imu_.empty()) return std::nullopt;
+    const std::optional<imu::NavState> state = estimator_.state();
+    const Stamp from = state ? state->stamp : add_seconds(to, -config_.imu.static_duration_s);
+    const Eigen::Vector3d gyro_bias = state ? state->gyro_bias : Eigen::Vector3d::Zero();
+    const Eigen::Vector3d accel_bias = state ? state->accel_bias : Eigen::Vector3d::Zero();
+    imu::Preintegration preintegration = imu::preintegrate(
+        imu_.between(from, to), from, to, gyro_bias, accel_bias, imu::noise_of(config_.sensor), config_.imu);
+    preintegration.recent = imu_.statistics(to, config_.imu.static_duration_s);
+    return preintegration;
+  }
+
+  void process_waiting() {
+    Scan scan = std::move(*waiting_);
+    waiting_.reset();
+    ScanOutput output;
+    output.scan =
+        timed("deskew", [&] { return scan_processor_.process(std::move(scan), estimator_.state(), imu_); });
+    output.features = timed("features", [&] { return extractor_.extract(output.scan, previous_); });
+    output.degeneracy =
+        timed("degeneracy", [&] { return degeneracy_.estimate(output.scan, output.features, status_); });
+    const auto imu = timed("preintegration", [&] { return preintegrate(output.scan.stamp); });
+    const auto estimate =
+        timed("mapping", [&] { return estimator_.add(output.features, output.degeneracy, imu); });
+    if (!estimate) return;
+    previous_ = output.degeneracy;
+    status_ = estimate->status;
+    output.estimate = *estimate;
+    // The longest stretch that is asked for again: the next interval, or the statistics before the next scan.
+    imu_.drop_before(add_seconds(output.scan.stamp, -2.0 * config_.imu.static_duration_s));
+    on_output_(output);
+  }
+
+  Config config_;
+  OutputCallback on_output_;
+  TimingCallback on_timing_;
+  imu::ImuBuffer imu_;
+  scan::ScanProcessor scan_processor_;
+  features::FeatureExtractor extractor_;
+  degeneracy::DegeneracyEstimator degeneracy_;
+  mapping::Estimator estimator_;
+  degeneracy::Degeneracy previous_;
+  std::optional<degeneracy::OptimisationStatus> status_;
+  std::optional<Scan> waiting_;
+};
+
+SlamPipeline::SlamPipeline(const Config& config, Reporter* reporter, OutputCallback on_output,
+                           TimingCallback on_timing)
+    : implementation_(
+          std::make_unique<Implementation>(config, reporter, std::move(on_output), std::move(on_timing))) {}
+SlamPipeline::~SlamPipeline() = default;
+
+void SlamPipeline::add_imu(const imu::ImuSample& sample) { implementation_->add_imu(sample); }
+void SlamPipeline::add_scan(Scan scan) { implementation_->add_scan(std::move(scan)); }
+void SlamPipeline::finish() { implementation_->finish(); }
+
+}  // namespace fdi_lio::pipeline

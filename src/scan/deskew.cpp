@@ -1,0 +1,103 @@
+#include "fdi_lio/scan/deskew.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fdi_lio/common/parallel.hpp"
+
+namespace fdi_lio::scan {
+
+namespace {
+
+constexpr std::size_t kChunk = 8192;
+
+/// Transforms to the reference instant at equally spaced times. One sweep has thousands of distinct point
+/// times; a table of 24 microseconds (10 Hz) costs less than a millimetre at 1 rad/s and 50 m.
+class TransformTable {
+ public:
+  static constexpr int kBins = 4096;
+
+  TransformTable(const std::vector<imu::NavState>& trajectory, Stamp reference, double duration_s,
+                 const Eigen::Isometry3d& T_imu_lidar)
+      : duration_s_(static_cast<float>(duration_s)) {
+    const Eigen::Isometry3d T_lidar_odom = (trajectory.back().T_odom_imu() * T_imu_lidar).inverse();
+    rotations_.resize(kBins + 1);
+    translations_.resize(kBins + 1);
+    std::size_t next = 1;
+    for (int bin = 0; bin <= kBins; ++bin) {
+      const Stamp stamp = add_seconds(reference, duration_s * (static_cast<double>(bin) / kBins - 1.0));
+      while (next + 1 < trajectory.size() && trajectory[next].stamp < stamp) ++next;
+      const Eigen::Isometry3d T =
+          T_lidar_odom * pose_at(trajectory[next - 1], trajectory[next], stamp) * T_imu_lidar;
+      rotations_[bin] = T.rotation().cast<float>();
+      translations_[bin] = T.translation().cast<float>();
+    }
+  }
+
+  void apply(Point* point) const {
+    const float position = (point->time_s + duration_s_) / duration_s_ * static_cast<float>(kBins) + 0.5F;
+    const int bin = std::clamp(static_cast<int>(position), 0, kBins);
+    point->position = (rotations_[bin] * point->position + translations_[bin]).eval();
+  }
+
+ private:
+  static Eigen::Isometry3d pose_at(const imu::NavState& a, const imu::NavState& b, Stamp stamp) {
+    // Times before the trajectory are extrapolated: a scan that starts before the state it is predicted from.
+    const double ratio = seconds_between(a.stamp, stamp) / seconds_between(a.stamp, b.stamp);
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() = a.q_odom_imu.slerp(ratio, b.q_odom_imu).toRotationMatrix();
+    T.translation() = a.t_odom_imu + ratio * (b.t_odom_imu - a.t_odom_imu);
+    return T;
+  }
+
+  float duration_s_;
+  std::vector<Eigen::Matrix3f> rotations_;
+  std::vector<Eigen::Vector3f> translations_;
+};
+
+/// Orders one ring: by time where there is one, else by azimuth clockwise from behind.
+void sort_ring(std::vector<Point>::iterator begin, std::vector<Point>::iterator end, bool has_time) {
+  if (has_time) {
+    const auto earlier = [](const Point& a, const Point& b) { return a.time_s < b.time_s; };
+    if (!std::is_sorted(begin, end, earlier)) std::stable_sort(begin, end, earlier);
+    return;
+  }
+  const auto more_left = [](const Point& a, const Point& b) {
+    return std::atan2(a.position.y(), a.position.x()) > std::atan2(b.position.y(), b.position.x());
+  };
+  std::stable_sort(begin, end, more_left);
+}
+
+}  // namespace
+
+void deskew(Scan* scan, const std::vector<imu::NavState>& trajectory, const Eigen::Isometry3d& T_imu_lidar) {
+  if (trajectory.size() < 2 || !scan->has_time || scan->duration_s <= 0.0) return;
+  const TransformTable table(trajectory, scan->stamp, scan->duration_s, T_imu_lidar);
+  parallel_chunks(scan->points.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for (std::size_t i = begin; i < end; ++i) table.apply(&scan->points[i]);
+  });
+}
+
+DeskewedScan order_by_ring(const Scan& scan) {
+  DeskewedScan ordered;
+  ordered.stamp = scan.stamp;
+  ordered.duration_s = scan.duration_s;
+  ordered.has_intensity = scan.has_intensity;
+  ordered.ring_begin.assign(static_cast<std::size_t>(scan.ring_count) + 1, 0);
+  for (const Point& point : scan.points) ++ordered.ring_begin[point.ring + 1U];
+  for (std::size_t ring = 1; ring < ordered.ring_begin.size(); ++ring) {
+    ordered.ring_begin[ring] += ordered.ring_begin[ring - 1];
+  }
+  ordered.points.resize(scan.points.size());
+  std::vector<std::uint32_t> next(ordered.ring_begin.begin(), ordered.ring_begin.end() - 1);
+  for (const Point& point : scan.points) ordered.points[next[point.ring]++] = point;
+  parallel_chunks(scan.ring_count, 8, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for (std::size_t ring = begin; ring < end; ++ring) {
+      sort_ring(ordered.points.begin() + ordered.ring_begin[ring],
+                ordered.points.begin() + ordered.ring_begin[ring + 1], scan.has_time);
+    }
+  });
+  return ordered;
+}
+
+}  // namespace fdi_lio::scan

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <rosbag/bag.h>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+
+namespace fdi_lio::tools {
+
+/// What is done with each message; `position_s` is the receive time since the start of the recording.
+struct BagCallbacks {
+  std::function<void(const imu::ImuSample&)> on_imu;
+  std::function<void(Scan)> on_scan;
+  /// Returns false to stop.
+  std::function<bool(double position_s)> on_progress;
+  /// Called with the stage's name and its duration in milliseconds.
+  std::function<void(const std::string&, double)> on_timing;
+};
+
+/// One or more bags, read as one recording in the order of receive time.
+class BagSource {
+ public:
+  /// Opens the bags and looks for the topics of `sensor`. Throws Error when a bag is missing, truncated,
+  /// unindexed or has no lidar topic; the text lists the topics of the right type that it has.
+  BagSource(const std::vector<std::string>& paths, const SensorConfig& sensor, Reporter* reporter);
+
+  /// Reads [start_s, start_s + duration_s] of the recording; a duration of 0 or less means to the end.
+  void read(double start_s, double duration_s, const BagCallbacks& callbacks);
+
+  /// Length of what `read` would read.
+  double duration_s(double start_s, double duration_s) const;
+
+ private:
+  SensorConfig sensor_;
+  Reporter* reporter_;
+  std::vector<std::unique_ptr<rosbag::Bag>> bags_;
+  double total_s_ = 0.0;
+};
+
+}  // namespace fdi_lio::tools

@@ -1,0 +1,323 @@
+// simulate_bag: draws a place from a scenario and a seed, drives through it, and writes what the sensors
+// would have recorded as a bag, with the ground truth beside it. Argument parsing and bag writing only.
+
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <nav_msgs/Odometry.h>
+#include <rosbag/bag.h>
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <tbb/global_control.h>
+#include <unistd.h>
+
+#include "fdi_lio/common/error.hpp"
+#include "fdi_lio/common/time.hpp"
+#include "fdi_lio/simulation/cloud_encoding.hpp"
+#include "fdi_lio/simulation/imu_simulator.hpp"
+#include "fdi_lio/simulation/lidar_simulator.hpp"
+#include "fdi_lio/simulation/scenario.hpp"
+#include "fdi_lio/simulation/sidecar_files.hpp"
+#include "fdi_lio/simulation/world_builder.hpp"
+
+namespace {
+
+using fdi_lio::add_seconds;
+using fdi_lio::Error;
+using fdi_lio::Stamp;
+namespace fs = std::filesystem;
+namespace sim = fdi_lio::simulation;
+
+constexpr Stamp kStart = 1700000000LL * 1000000000LL;  // stamp of t = 0 in every recording
+constexpr double kImuLatency = 0.001;                  // seconds
+constexpr double kOdometryRate = 100.0;                // Hz
+
+struct Options {
+  std::string scenario;
+  std::string output;
+  std::uint64_t seed = 1;
+  int threads = 0;
+  std::vector<std::string> overrides;
+};
+
+const char kUsage[] =
+    "usage: simulate_bag --scenario config/scenarios/NAME.yaml --output FILE.bag [--seed N] [--duration "
+    "SECONDS]\n"
+    "                    [--set key=value]... [--threads N]\n"
+    "Writes FILE.bag (/points_raw /imu_raw /ground_truth/odometry), and beside it FILE.tum (truth), "
+    "FILE.labels\n"
+    "(moving object of each point), FILE.yaml (what was drawn), FILE.config.yaml (parameters for fdi_lio).\n";
+
+ros::Time ros_time(Stamp stamp) {
+  ros::Time time;
+  time.fromNSec(static_cast<std::uint64_t>(stamp));
+  return time;
+}
+
+long whole_number(const std::string& name, const std::string& text, long min, long max) {
+  char* end = nullptr;
+  errno = 0;
+  const long value = std::strtol(text.c_str(), &end, 10);
+  if (text.empty() || *end != '\0' || errno != 0 || value < min || value > max) {
+    throw Error(name + " '" + text + "' must be a whole number from " + std::to_string(min) + " to " +
+                std::to_string(max));
+  }
+  return value;
+}
+
+Options parse_arguments(int argc, char** argv) {
+  Options options;
+  for (int i = 1; i < argc; ++i) {
+    const std::string name = argv[i];
+    if (name == "--help" || name == "-h") {
+      std::cout << kUsage;
+      std::exit(0);
+    }
+    if (i + 1 >= argc) throw Error("'" + name + "' is unknown or lacks its value\n" + kUsage);
+    const std::string value = argv[++i];
+    if (name == "--scenario")
+      options.scenario = value;
+    else if (name == "--output")
+      options.output = value;
+    else if (name == "--seed")
+      options.seed = static_cast<std::uint64_t>(whole_number(name, value, 0, 2147483647));
+    else if (name == "--duration")
+      options.overrides.push_back("duration=" + value);
+    else if (name == "--set")
+      options.overrides.push_back(value);
+    else if (name == "--threads")
+      options.threads = static_cast<int>(whole_number(name, value, 1, 256));
+    else
+      throw Error("unknown option '" + name + "'\n" + kUsage);
+  }
+  if (options.scenario.empty() || options.output.empty())
+    throw Error(std::string("--scenario and --output are needed\n") + kUsage);
+  if (fs::path(options.output).extension() != ".bag")
+    throw Error("--output '" + options.output + "' must end in .bag");
+  return options;
+}
+
+/// Progress with the time left, on terminals only.
+class Progress {
+ public:
+  explicit Progress(int total) : total_(total), shown_(isatty(STDERR_FILENO) != 0) {}
+
+  void update(int done) const {
+    if (!shown_) return;
+    constexpr int kWidth = 40;
+    const double share = static_cast<double>(done) / total_;
+    const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+    const int filled = static_cast<int>(share * kWidth);
+    std::fprintf(stderr, "\r[%s%s] %3.0f %%  %.0f s left   ",
+                 std::string(static_cast<std::size_t>(filled), '#').c_str(),
+                 std::string(static_cast<std::size_t>(kWidth - filled), ' ').c_str(), 100.0 * share,
+                 share > 0.0 ? elapsed * (1.0 - share) / share : 0.0);
+    if (done == total_) std::fprintf(stderr, "\n");
+  }
+
+ private:
+  int total_;
+  bool shown_;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+};
+
+sensor_msgs::PointCloud2 cloud_message(const sim::EncodedCloud& cloud, Stamp stamp,
+                                       const std::string& frame) {
+  sensor_msgs::PointCloud2 message;
+  message.header.stamp = ros_time(stamp);
+  message.header.frame_id = frame;
+  message.height = cloud.height;
+  message.width = cloud.width;
+  message.point_step = cloud.point_step;
+  message.row_step = cloud.point_step * cloud.width;
+  message.is_dense = cloud.is_dense;
+  message.data = cloud.data;
+  for (const sim::EncodedField& field : cloud.fields) {
+    sensor_msgs::PointField f;
+    f.name = field.name;
+    f.offset = field.offset;
+    f.datatype = field.datatype;
+    f.count = 1;
+    message.fields.push_back(f);
+  }
+  return message;
+}
+
+sensor_msgs::Imu imu_message(const sim::ImuReading& reading, const sim::ImuSettings& settings) {
+  sensor_msgs::Imu message;
+  message.header.stamp = ros_time(add_seconds(kStart, reading.time_s));
+  message.header.frame_id = "imu_link";
+  message.angular_velocity.x = reading.gyro.x();
+  message.angular_velocity.y = reading.gyro.y();
+  message.angular_velocity.z = reading.gyro.z();
+  message.linear_acceleration.x = reading.accel.x();
+  message.linear_acceleration.y = reading.accel.y();
+  message.linear_acceleration.z = reading.accel.z();
+  const bool oriented = settings.nine_axis;
+  message.orientation.w = oriented ? reading.orientation.w() : 0.0;
+  message.orientation.x = oriented ? reading.orientation.x() : 0.0;
+  message.orientation.y = oriented ? reading.orientation.y() : 0.0;
+  message.orientation.z = oriented ? reading.orientation.z() : 0.0;
+  for (std::size_t i = 0; i < 9; i += 4) {
+    message.angular_velocity_covariance[i] = settings.gyro_noise * settings.gyro_noise * settings.rate_hz;
+    message.linear_acceleration_covariance[i] =
+        settings.accel_noise * settings.accel_noise * settings.rate_hz;
+    message.orientation_covariance[i] = oriented ? 2.5e-5 : 0.0;
+  }
+  if (!oriented) message.orientation_covariance[0] = -1.0;
+  return message;
+}
+
+nav_msgs::Odometry odometry_message(const sim::MotionState& state, Stamp stamp) {
+  nav_msgs::Odometry message;
+  message.header.stamp = ros_time(stamp);
+  message.header.frame_id = "map";
+  message.child_frame_id = "imu_link";
+  const Eigen::Quaterniond q(state.T_map_imu.linear());
+  const Eigen::Vector3d& t = state.T_map_imu.translation();
+  const Eigen::Vector3d v_imu = state.T_map_imu.linear().transpose() * state.v_map;
+  message.pose.pose.position.x = t.x();
+  message.pose.pose.position.y = t.y();
+  message.pose.pose.position.z = t.z();
+  message.pose.pose.orientation.x = q.x();
+  message.pose.pose.orientation.y = q.y();
+  message.pose.pose.orientation.z = q.z();
+  message.pose.pose.orientation.w = q.w();
+  message.twist.twist.linear.x = v_imu.x();
+  message.twist.twist.linear.y = v_imu.y();
+  message.twist.twist.linear.z = v_imu.z();
+  message.twist.twist.angular.x = state.w_imu.x();
+  message.twist.twist.angular.y = state.w_imu.y();
+  message.twist.twist.angular.z = state.w_imu.z();
+  return message;
+}
+
+/// Files of one recording. They get their final names only when all of them are complete.
+class Files {
+ public:
+  explicit Files(const std::string& bag) : stem_(fs::path(bag).replace_extension().string()) {}
+  ~Files() {
+    std::error_code ignored;
+    for (const std::string& ending : kEndings) fs::remove(working(ending), ignored);
+  }
+  std::string working(const std::string& ending) const { return stem_ + ending + ".active"; }
+  void publish() const {
+    for (const std::string& ending : kEndings) fs::rename(working(ending), stem_ + ending);
+  }
+
+ private:
+  const std::vector<std::string> kEndings{".tum", ".labels", ".yaml", ".config.yaml", ".bag"};
+  std::string stem_;
+};
+
+/// Runs the sensors side by side and writes their messages in the order of their reception.
+class Recorder {
+ public:
+  Recorder(const sim::Scenario& scenario, std::uint64_t seed, const Files& files)
+      : scenario_(scenario),
+        place_(sim::make_place(scenario, seed)),
+        model_(sim::make_lidar_model(scenario.lidar)),
+        lidar_(*place_.world, *place_.trajectory, model_, sim::draw_lidar_errors(scenario, model_, seed),
+               scenario.world.dust_per_m, scenario.lidar, seed),
+        imu_(*place_.trajectory, scenario.imu, seed),
+        tum_(files.working(".tum")),
+        labels_(files.working(".labels")) {
+    bag_.open(files.working(".bag"), rosbag::bagmode::Write);
+    bag_.setCompression(rosbag::compression::Uncompressed);
+  }
+
+  void run(std::uint64_t seed, const Files& files) {
+    const int scans = static_cast<int>(scenario_.duration_s * model_.rate_hz);
+    const Progress progress(scans);
+    first_ = next_ = imu_.next();
+    for (int index = 0; index < scans; ++index) {
+      write_scan(index);
+      progress.update(index + 1);
+    }
+    bag_.close();
+    tum_.close();
+    labels_.close();
+    sim::write_truth(files.working(".yaml"), scenario_, seed, lidar_.errors(), first_, next_);
+    sim::write_system_config(files.working(".config.yaml"), scenario_, model_);
+  }
+
+ private:
+  void write_scan(int index) {
+    const sim::LidarScan scan = lidar_.simulate(index);
+    const bool ouster = model_.layout == sim::CloudLayout::kOuster;
+    const sim::EncodedCloud cloud = sim::encode_cloud(scan, model_.layout, scenario_.lidar.stamp_at_end);
+    const double stamp_s =
+        scan.start_s + lidar_.errors().time_offset_s +
+        (scenario_.lidar.stamp_at_end && !ouster ? scan.column_time(scan.columns - 1) : 0.0);
+    const Stamp stamp = add_seconds(kStart, stamp_s);
+    const double received = scan.start_s + scan.period_s + scenario_.lidar.latency_s;
+    write_until(received);
+    bag_.write("/points_raw", ros_time(add_seconds(kStart, received)),
+               cloud_message(cloud, stamp, ouster ? "os_sensor" : "velodyne"));
+    labels_.add(stamp, cloud.labels);
+  }
+
+  /// IMU readings and ground truth that are received before `time`, seconds.
+  void write_until(double time) {
+    while (next_.time_s + kImuLatency < time || odometry_count_ / kOdometryRate < time) {
+      const double odometry_s = odometry_count_ / kOdometryRate;
+      if (odometry_s <= next_.time_s + kImuLatency) {
+        const Stamp stamp = add_seconds(kStart, odometry_s);
+        bag_.write("/ground_truth/odometry", ros_time(stamp),
+                   odometry_message(place_.trajectory->evaluate(odometry_s), stamp));
+        ++odometry_count_;
+        continue;
+      }
+      const Stamp received = add_seconds(kStart, next_.time_s + kImuLatency);
+      bag_.write("/imu_raw", ros_time(received), imu_message(next_, scenario_.imu));
+      tum_.add(add_seconds(kStart, next_.time_s), place_.trajectory->pose(next_.time_s));
+      next_ = imu_.next();
+    }
+  }
+
+  sim::Scenario scenario_;
+  sim::Place place_;
+  sim::LidarModel model_;
+  sim::LidarSimulator lidar_;
+  sim::ImuSimulator imu_;
+  sim::TumWriter tum_;
+  sim::LabelWriter labels_;
+  rosbag::Bag bag_;
+  sim::ImuReading first_, next_;
+  std::int64_t odometry_count_ = 0;
+};
+
+void run(int argc, char** argv) {
+  const Options options = parse_arguments(argc, argv);
+  std::unique_ptr<tbb::global_control> limit;
+  if (options.threads > 0) {
+    limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism,
+                                                  static_cast<std::size_t>(options.threads));
+  }
+  const sim::Scenario scenario = sim::load_scenario(options.scenario, options.overrides);
+  const Files files(options.output);
+  Recorder recorder(scenario, options.seed, files);
+  recorder.run(options.seed, files);
+  files.publish();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    run(argc, argv);
+    return 0;
+  } catch (const rosbag::BagException& error) {
+    std::cerr << "simulate_bag: cannot write the bag: " << error.what()
+              << ": check the folder, its permissions and the space on the disk\n";
+  } catch (const std::exception& error) {
+    std::cerr << "simulate_bag: " << error.what() << "\n";
+  }
+  return 2;
+}

@@ -1,0 +1,84 @@
+#include <cmath>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "fdi_lio/features/feature_extractor.hpp"
+
+namespace fdi_lio::features {
+namespace {
+
+/// One ring at height zero in a square room of half width `half`, with an optional pole in front of a wall.
+DeskewedScan square_room(double half, bool with_pole, int points = 1800) {
+  DeskewedScan scan;
+  scan.ring_begin = {0, static_cast<std::uint32_t>(points)};
+  for (int k = 0; k < points; ++k) {
+    const double azimuth = M_PI - 2.0 * M_PI * k / points;
+    double range = half / std::max(std::abs(std::cos(azimuth)), std::abs(std::sin(azimuth)));
+    if (with_pole && std::abs(azimuth - 0.2) < 0.02) range = 0.5 * half;
+    Point point;
+    point.position = Eigen::Vector3d(range * std::cos(azimuth), range * std::sin(azimuth), 0.0).cast<float>();
+    point.time_s = static_cast<float>(k) / static_cast<float>(points) * 0.1F - 0.1F;
+    scan.points.push_back(point);
+  }
+  return scan;
+}
+
+FeatureSet extract(const DeskewedScan& scan, const FeatureConfig& features = FeatureConfig()) {
+  Reporter reporter;
+  Config config;
+  config.features = features;
+  return FeatureExtractor(config, &reporter).extract(scan, degeneracy::Degeneracy());
+}
+
+TEST(FeatureExtractor, CornersAreEdgesAndWallsArePlanes) {
+  const FeatureSet features = extract(square_room(5.0, false));
+  std::set<int> corners;
+  for (const Point& edge : features.edges) {
+    const double x = edge.position.x();
+    const double y = edge.position.y();
+    EXPECT_NEAR(std::abs(x), 5.0, 0.2);
+    EXPECT_NEAR(std::abs(y), 5.0, 0.2);
+    corners.insert((x > 0 ? 1 : 0) + (y > 0 ? 2 : 0));
+  }
+  EXPECT_EQ(corners.size(), 4U);
+  EXPECT_GT(features.planes.size(), 100U);
+  for (const Point& plane : features.planes) {
+    // A window that a corner takes a quarter of is not straight.
+    EXPECT_LT(std::min(std::abs(plane.position.x()), std::abs(plane.position.y())), 4.95F);
+  }
+}
+
+TEST(FeatureExtractor, TheWallBesideAnOcclusionIsNoFeature) {
+  const FeatureSet features = extract(square_room(5.0, true));
+  // The pole's shadow on the wall x = 5 lies at azimuth 0.2 +- 0.02; one window beside it is excluded.
+  for (const auto* list : {&features.planes, &features.edges}) {
+    for (const Point& point : *list) {
+      if (point.position.x() < 4.9F) continue;
+      const double azimuth = std::atan2(point.position.y(), point.position.x());
+      EXPECT_FALSE(std::abs(azimuth - 0.2) < 0.02 + 4.0 * 2.0 * M_PI / 1800.0) << azimuth;
+    }
+  }
+}
+
+TEST(FeatureExtractor, QuotasSpreadFeaturesOverTheSectors) {
+  FeatureConfig config;
+  config.max_planes = 100;
+  config.sectors = 4;
+  const FeatureSet features = extract(square_room(5.0, false), config);
+  int by_side[4] = {};
+  for (const Point& plane : features.planes) {
+    const double azimuth = std::atan2(plane.position.y(), plane.position.x());
+    ++by_side[static_cast<int>((azimuth + M_PI) / (0.5 * M_PI)) % 4];
+  }
+  // A point on a border may count to either side.
+  for (const int count : by_side) EXPECT_NEAR(count, 25, 1);
+}
+
+TEST(FeatureExtractor, EmptyAndTinyScansGiveNothing) {
+  EXPECT_TRUE(extract(DeskewedScan()).planes.empty());
+  EXPECT_TRUE(extract(square_room(5.0, false, 5)).planes.empty());
+}
+
+}  // namespace
+}  // namespace fdi_lio::features

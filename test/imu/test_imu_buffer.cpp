@@ -1,0 +1,90 @@
+#include <limits>
+
+#include "synthetic_motion.hpp"
+#include <gtest/gtest.h>
+
+#include "fdi_lio/imu/imu_buffer.hpp"
+
+namespace fdi_lio::imu {
+namespace {
+
+class Buffer : public testing::Test {
+ protected:
+  ImuSample at(double t) const { return SyntheticMotion().sample(t); }
+  std::uint64_t count(const std::string& key) const {
+    const auto notice = reporter_.notices().find(key);
+    return notice == reporter_.notices().end() ? 0 : notice->second.count;
+  }
+
+  Reporter reporter_;
+  SensorConfig sensor_;
+};
+
+TEST_F(Buffer, DropsAndCountsNanRepeatedAndLateReadings) {
+  ImuBuffer buffer(sensor_, &reporter_);
+  EXPECT_TRUE(buffer.add(at(1.0)));
+  EXPECT_FALSE(buffer.add(at(1.0)));
+  EXPECT_FALSE(buffer.add(at(0.9)));
+  ImuSample nan = at(1.1);
+  nan.acceleration.x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(buffer.add(nan));
+  EXPECT_EQ(buffer.samples().size(), 1U);
+  EXPECT_EQ(count("imu_order"), 2U);
+  EXPECT_EQ(count("imu_non_finite"), 1U);
+}
+
+TEST_F(Buffer, ARecordingThatBeginsAgainClearsTheBuffer) {
+  ImuBuffer buffer(sensor_, &reporter_);
+  buffer.add(at(100.0));
+  EXPECT_TRUE(buffer.add(at(1.0)));
+  EXPECT_EQ(buffer.newest(), at(1.0).stamp);
+  EXPECT_EQ(buffer.samples().size(), 1U);
+}
+
+TEST_F(Buffer, ScalesReadingsInG) {
+  for (const char* unit : {"g", "auto"}) {
+    sensor_.acceleration_unit = unit;
+    ImuBuffer buffer(sensor_, &reporter_);
+    ImuSample sample;
+    sample.acceleration = Eigen::Vector3d(0.0, 0.0, 1.0);
+    buffer.add(sample);
+    EXPECT_NEAR(buffer.samples().back().acceleration.z(), 9.80665, 1e-9) << unit;
+  }
+}
+
+TEST_F(Buffer, WarnsWhenReadingsLookLikeG) {
+  ImuBuffer buffer(sensor_, &reporter_);
+  ImuSample sample;
+  sample.acceleration = Eigen::Vector3d(0.0, 0.0, 1.0);
+  buffer.add(sample);
+  EXPECT_EQ(count("imu_unit"), 1U);
+}
+
+TEST_F(Buffer, BetweenIncludesTheReadingsThatBound) {
+  ImuBuffer buffer(sensor_, &reporter_);
+  for (int k = 0; k <= 10; ++k) buffer.add(at(0.1 * k));
+  const auto readings = buffer.between(to_nanoseconds(100.25), to_nanoseconds(100.55));
+  ASSERT_EQ(readings.size(), 5U);
+  EXPECT_EQ(readings.front().stamp, at(0.2).stamp);
+  EXPECT_EQ(readings.back().stamp, at(0.6).stamp);
+}
+
+TEST_F(Buffer, StatisticsAreMeanAndDeviation) {
+  ImuBuffer buffer(sensor_, &reporter_);
+  for (int k = 0; k < 4; ++k) {
+    ImuSample sample;
+    sample.stamp = to_nanoseconds(1.0 + 0.1 * k);
+    sample.acceleration = Eigen::Vector3d(0.0, 0.0, k % 2 == 0 ? 9.0 : 11.0);
+    sample.angular_velocity = Eigen::Vector3d(0.1, 0.0, 0.0);
+    buffer.add(sample);
+  }
+  const ImuStatistics statistics = buffer.statistics(to_nanoseconds(2.0), 1.5);
+  EXPECT_EQ(statistics.count, 4U);
+  EXPECT_NEAR(statistics.mean_acceleration.z(), 10.0, 1e-12);
+  EXPECT_NEAR(statistics.acceleration_std, 1.0, 1e-12);
+  EXPECT_NEAR(statistics.angular_velocity_std, 0.0, 1e-9);
+  EXPECT_NEAR(statistics.duration_s, 0.3, 1e-9);
+}
+
+}  // namespace
+}  // namespace fdi_lio::imu

@@ -1,0 +1,94 @@
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/mapping/scan_matcher.hpp"
+
+namespace fdi_lio::mapping {
+namespace {
+
+/// A room of three orthogonal walls, and points on them.
+class Room : public testing::Test {
+ protected:
+  Room() : map_(VoxelMapConfig{}), empty_(VoxelMapConfig{}) {
+    std::mt19937 generator(17);
+    std::uniform_real_distribution<double> uniform(0.0, 4.0);
+    std::normal_distribution<double> normal(0.0, 0.005);
+    for (int k = 0; k < 60000; ++k) {
+      Eigen::Vector3d p(uniform(generator), uniform(generator), uniform(generator));
+      p[k % 3] = 0.2 + normal(generator);
+      points_.push_back(p);
+    }
+    map_.insert(points_, std::vector<float>(points_.size(), 0.0F));
+  }
+
+  /// Every 50th point, seen from the given pose.
+  MatchInput seen_from(const Eigen::Quaterniond& q, const Eigen::Vector3d& t) const {
+    MatchInput input;
+    for (std::size_t k = 0; k < points_.size(); k += 50)
+      input.planes.push_back(q.conjugate() * (points_[k] - t));
+    return input;
+  }
+
+  VoxelMap map_;
+  VoxelMap empty_;
+  std::vector<Eigen::Vector3d> points_;
+};
+
+TEST_F(Room, GaussNewtonFindsTheTruePose) {
+  const Eigen::Quaterniond q_true = so3::exp_q(Eigen::Vector3d(0.1, -0.2, 0.5));
+  const Eigen::Vector3d t_true(2.0, 1.5, 1.0);
+  const MatchInput input = seen_from(q_true, t_true);
+  Eigen::Quaterniond q = q_true * so3::exp_q(Eigen::Vector3d(0.01, 0.02, -0.01));
+  Eigen::Vector3d t = t_true + Eigen::Vector3d(0.05, -0.08, 0.06);
+  const ScanMatcher matcher{Config()};
+  for (int iteration = 0; iteration < 10; ++iteration) {
+    const LidarInformation information = matcher.linearise(input, map_, empty_, q, t, MatchSettings());
+    const Vector6d step = -information.H.ldlt().solve(information.b);
+    q = q * so3::exp_q(step.head<3>());
+    t += step.tail<3>();
+  }
+  EXPECT_LT(q.angularDistance(q_true), 5e-4);
+  EXPECT_LT((t - t_true).norm(), 2e-3);
+}
+
+TEST_F(Room, GradientIsTheNumericDerivativeOfTheCostWhereNoMatchChanges) {
+  // A linear kernel is had with a large scale; the cost is then sum r^2 / (2 variance), and b its gradient up
+  // to the change of the variance with the pose, which is second order here.
+  Config config;
+  config.mapping.robust_scale = 100.0;
+  config.mapping.correlation_factor = 1.0;
+  const ScanMatcher matcher(config);
+  MatchInput input;
+  input.planes.emplace_back(1.0, 1.0, 0.21);
+  const auto at = [&](double dz, double roll) {
+    return matcher.linearise(input, map_, empty_, so3::exp_q(Eigen::Vector3d(roll, 0.0, 0.0)),
+                             Eigen::Vector3d(0.0, 0.0, dz), MatchSettings());
+  };
+  const LidarInformation nominal = at(0.0, 0.0);
+  ASSERT_EQ(nominal.planes, 1U);
+  constexpr double kStep = 1e-4;
+  // b is linear in the pose with slope H.
+  EXPECT_NEAR((at(kStep, 0.0).b[5] - nominal.b[5]) / kStep, nominal.H(5, 5), 0.02 * nominal.H(5, 5));
+  EXPECT_NEAR((at(0.0, kStep).b[5] - nominal.b[5]) / kStep, nominal.H(5, 0), 0.02 * nominal.H(5, 5));
+}
+
+TEST_F(Room, ResidualsBeyondTheLimitAreNoMatches) {
+  const MatchInput input = seen_from(Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
+  MatchSettings settings;
+  settings.max_residual_m = 1e-6;
+  const auto information = ScanMatcher(Config()).linearise(
+      input, map_, empty_, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero(), settings);
+  EXPECT_LT(information.planes, 5U);
+}
+
+TEST_F(Room, EmptyInputGivesNoInformation) {
+  const auto information = ScanMatcher(Config()).linearise(
+      MatchInput(), map_, empty_, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero(), MatchSettings());
+  EXPECT_EQ(information.planes, 0U);
+  EXPECT_TRUE(information.H.isZero());
+}
+
+}  // namespace
+}  // namespace fdi_lio::mapping

@@ -1,0 +1,86 @@
+#include "synthetic_motion.hpp"
+#include <gtest/gtest.h>
+
+#include "fdi_lio/imu/preintegration.hpp"
+#include "fdi_lio/mapping/smoother.hpp"
+
+namespace fdi_lio::mapping {
+namespace {
+
+/// The lidar says exactly where the truth is, with 1 cm and 1 mrad.
+LidarInformation lidar_at(const imu::NavState& truth) {
+  LidarInformation information;
+  information.q_odom_imu = truth.q_odom_imu;
+  information.t_odom_imu = truth.t_odom_imu;
+  information.H.diagonal() << 1e6, 1e6, 1e6, 1e4, 1e4, 1e4;
+  return information;
+}
+
+class Window : public testing::Test {
+ protected:
+  imu::Preintegration interval(int k, const imu::NavState& from) const {
+    auto samples = motion_.samples(0.1 * k, 0.1 * (k + 1), 200.0);
+    for (imu::ImuSample& sample : samples) {
+      sample.angular_velocity += gyro_bias_;
+      sample.acceleration += accel_bias_;
+    }
+    return imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, from.gyro_bias,
+                             from.accel_bias, imu::ImuNoise{1e-4, 1e-3, 1e-5, 1e-4}, ImuConfig());
+  }
+
+  /// Runs `count` scans and returns the newest state.
+  imu::NavState run(int window, int count) {
+    Smoother smoother(window, 9.81);
+    smoother.start(motion_.state(0.0), Smoother::InitialSigma());
+    for (int k = 0; k < count; ++k) {
+      const imu::Preintegration p = interval(k, smoother.newest());
+      smoother.add(imu::predict(smoother.newest(), p), p, true);
+      smoother.set_lidar(lidar_at(motion_.state(0.1 * (k + 1))));
+      EXPECT_TRUE(smoother.solve());
+    }
+    covariance_ = smoother.covariance();
+    return smoother.newest();
+  }
+
+  imu::SyntheticMotion motion_;
+  Eigen::Vector3d gyro_bias_ = Eigen::Vector3d(0.01, -0.005, 0.008);
+  Eigen::Vector3d accel_bias_ = Eigen::Vector3d(0.05, -0.03, 0.04);
+  Matrix15d covariance_;
+};
+
+TEST_F(Window, FindsBiasesVelocityAndPose) {
+  const imu::NavState found = run(4, 100);
+  const imu::NavState truth = motion_.state(10.0);
+  EXPECT_LT((found.t_odom_imu - truth.t_odom_imu).norm(), 2e-3);
+  EXPECT_LT((found.v_odom - truth.v_odom).norm(), 0.01);
+  EXPECT_LT((found.gyro_bias - gyro_bias_).norm(), 5e-4);
+  EXPECT_LT((found.accel_bias - accel_bias_).norm(), 0.02);
+}
+
+TEST_F(Window, MarginalisationLosesNothingOnALinearProblem) {
+  // A window that holds everything and one that marginalises almost everything see the same information.
+  const imu::NavState all = run(20, 19);
+  const Matrix15d covariance_all = covariance_;
+  const imu::NavState short_window = run(2, 19);
+  EXPECT_LT((all.t_odom_imu - short_window.t_odom_imu).norm(), 1e-4);
+  EXPECT_LT((all.v_odom - short_window.v_odom).norm(), 1e-3);
+  for (int k = 0; k < 15; ++k) {
+    EXPECT_NEAR(std::sqrt(covariance_(k, k) / covariance_all(k, k)), 1.0, 0.05) << "component " << k;
+  }
+}
+
+TEST_F(Window, WithoutLidarTheCovarianceGrows) {
+  run(4, 10);
+  const Matrix15d with_lidar = covariance_;
+  Smoother smoother(4, 9.81);
+  smoother.start(motion_.state(0.0), Smoother::InitialSigma());
+  for (int k = 0; k < 10; ++k) {
+    const imu::Preintegration p = interval(k, smoother.newest());
+    smoother.add(imu::predict(smoother.newest(), p), p, true);
+    ASSERT_TRUE(smoother.solve());
+  }
+  EXPECT_GT(smoother.covariance()(3, 3), 100.0 * with_lidar(3, 3));
+}
+
+}  // namespace
+}  // namespace fdi_lio::mapping

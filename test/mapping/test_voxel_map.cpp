@@ -1,0 +1,106 @@
+#include <random>
+
+#include <Eigen/Eigenvalues>
+#include <gtest/gtest.h>
+
+#include "fdi_lio/mapping/voxel_map.hpp"
+
+namespace fdi_lio::mapping {
+namespace {
+
+std::vector<Eigen::Vector3d> plane_points(std::size_t count, const Eigen::Vector3d& center,
+                                          const Eigen::Matrix3d& R, double half_width, double noise) {
+  std::mt19937 generator(11);
+  std::uniform_real_distribution<double> uniform(-half_width, half_width);
+  std::normal_distribution<double> normal(0.0, noise);
+  std::vector<Eigen::Vector3d> points;
+  for (std::size_t k = 0; k < count; ++k) {
+    const double u = uniform(generator);
+    const double v = uniform(generator);
+    points.push_back(center + R * Eigen::Vector3d(u, v, normal(generator)));
+  }
+  return points;
+}
+
+void insert(const std::vector<Eigen::Vector3d>& points, VoxelMap* map) {
+  map->insert(points, std::vector<float>(points.size(), 1.0F));
+}
+
+TEST(VoxelMap, PlaneIsThatOfABruteForceFit) {
+  const Eigen::Vector3d center(10.2, -3.4, 1.0);  // inside one coarsest cell of 1.6 m
+  const Eigen::Matrix3d R =
+      Eigen::AngleAxisd(0.4, Eigen::Vector3d(1.0, 2.0, 0.3).normalized()).toRotationMatrix();
+  const auto points = plane_points(150, center, R, 0.15, 0.01);
+  VoxelMap map(VoxelMapConfig{});
+  insert(points, &map);
+  const Cell* cell = map.find_plane(center, false);
+  ASSERT_NE(cell, nullptr);
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  std::size_t inside = 0;
+  for (const auto& p : points) {
+    if ((p / 0.4).array().floor().isApprox((center / 0.4).array().floor())) {
+      mean += p;
+      ++inside;
+    }
+  }
+  mean /= static_cast<double>(inside);
+  EXPECT_EQ(cell->count, inside);
+  EXPECT_LT((cell->mean - mean).norm(), 1e-9);
+  EXPECT_GT(std::abs(cell->axes.col(0).dot(R.col(2))), std::cos(0.05));
+  EXPECT_NEAR(std::sqrt(cell->variances[0]), 0.01, 0.004);
+}
+
+TEST(VoxelMap, SparsePointsAreFoundOnACoarserLevel) {
+  VoxelMap map(VoxelMapConfig{});
+  std::vector<Eigen::Vector3d> grid;
+  for (int i = 0; i < 4; ++i) {
+    for (int j = 0; j < 4; ++j) grid.emplace_back(0.2 + 0.4 * i, 0.2 + 0.4 * j, 0.5);
+  }
+  insert(grid, &map);
+  const Cell* cell = map.find_plane(Eigen::Vector3d(0.8, 0.8, 0.5), false);
+  ASSERT_NE(cell, nullptr);
+  EXPECT_EQ(cell->count, 16U);
+  EXPECT_NEAR(std::abs(cell->axes(2, 0)), 1.0, 1e-9);
+}
+
+TEST(VoxelMap, ALineIsALineAndNoPlane) {
+  VoxelMap map(VoxelMapConfig{});
+  std::mt19937 generator(5);
+  std::normal_distribution<double> normal(0.0, 0.01);
+  std::vector<Eigen::Vector3d> pole;
+  for (int k = 0; k < 60; ++k) pole.emplace_back(0.8 + normal(generator), 0.8 + normal(generator), 0.025 * k);
+  insert(pole, &map);
+  EXPECT_EQ(map.find_plane(Eigen::Vector3d(0.8, 0.8, 0.8), false), nullptr);
+  const Cell* cell = map.find_line(Eigen::Vector3d(0.8, 0.8, 0.8));
+  ASSERT_NE(cell, nullptr);
+  EXPECT_GT(std::abs(cell->axes(2, 2)), 0.99);
+}
+
+TEST(VoxelMap, StopsAveragingAtTheLimit) {
+  VoxelMapConfig config;
+  config.max_points = 50;
+  VoxelMap map(config);
+  insert(plane_points(500, Eigen::Vector3d(0.2, 0.2, 0.2), Eigen::Matrix3d::Identity(), 0.1, 0.01), &map);
+  EXPECT_EQ(map.finest_cells().front()->count, 50U);
+}
+
+TEST(VoxelMap, ForgetsWhatIsFarAndReusesItsMemory) {
+  VoxelMap map(VoxelMapConfig{});
+  insert(plane_points(50, Eigen::Vector3d(0.2, 0.2, 0.2), Eigen::Matrix3d::Identity(), 0.1, 0.01), &map);
+  const std::size_t before = map.cell_count();
+  insert(plane_points(50, Eigen::Vector3d(100.2, 0.2, 0.2), Eigen::Matrix3d::Identity(), 0.1, 0.01), &map);
+  map.keep_within(Eigen::Vector3d::Zero(), 20.0);
+  EXPECT_EQ(map.cell_count(), before);
+  EXPECT_EQ(map.find_plane(Eigen::Vector3d(100.2, 0.2, 0.2), false), nullptr);
+}
+
+TEST(VoxelMap, WideSearchFindsTheNeighbouringCell) {
+  VoxelMap map(VoxelMapConfig{});
+  insert(plane_points(200, Eigen::Vector3d(0.8, 0.8, 0.8), Eigen::Matrix3d::Identity(), 0.7, 0.01), &map);
+  const Eigen::Vector3d beside(0.8, 0.8, 1.9);
+  EXPECT_EQ(map.find_plane(beside, false), nullptr);
+  EXPECT_NE(map.find_plane(beside, true), nullptr);
+}
+
+}  // namespace
+}  // namespace fdi_lio::mapping
