@@ -140,6 +140,13 @@ void MappingConfig::visit(ParameterVisitor& v) {
          keyframe_rotation_weight_m_per_rad, 0.0, 100.0);
   v.real({"mapping.output_map_voxel", "m", "voxel of the map that is saved"}, output_map_voxel_m, 0.01, 5.0);
   v.flag({"mapping.use_edges", "", "match edge features to lines of the map"}, use_edges);
+  v.real({"mapping.plane_weight", "", "factor on the information of plane matches"}, plane_weight, 0.0,
+         100.0);
+  v.real({"mapping.edge_weight", "",
+          "factor on the information of edge matches: silhouettes move with the viewpoint"},
+         edge_weight, 0.0, 100.0);
+  v.real({"mapping.line_max_thickness", "m", "a voxel of edges whose points deviate more is no line"},
+         line_max_thickness_m, 0.005, 1.0);
 }
 
 void Config::visit(ParameterVisitor& v) {
@@ -148,6 +155,7 @@ void Config::visit(ParameterVisitor& v) {
   imu.visit(v);
   features.visit(v);
   mapping.visit(v);
+  degeneracy.visit(v);
   v.integer({"threads", "", "threads of one process; the result does not depend on it"}, threads, 1, 64);
 }
 

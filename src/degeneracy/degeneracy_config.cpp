@@ -16,7 +16,11 @@ void visit_metrics(DegeneracyConfig& c, ParameterVisitor& v) {
   v.integer({"degeneracy.voxel_min_ring_span", "",
              "rings that a voxel must span beyond the first, unless the scan has one"},
             c.voxel_min_ring_span, 0, 16);
-  v.integer({"degeneracy.entropy_reference_voxels", "", "evenly filled voxels that count as point entropy 1"},
+  v.real({"degeneracy.orientation_share", "",
+          "share of the entropy of the surfaces' orientations in the geometric complexity"},
+         c.orientation_share, 0.0, 1.0);
+  v.integer({"degeneracy.entropy_reference_voxels", "",
+             "voxels that are evenly filled at least for a point entropy of 1"},
             c.entropy_reference_voxels, 2, 1000000);
   v.integer({"degeneracy.curvature_neighbours", "",
              "least distance of a curvature's two ends along the ring, in points"},

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Eigenvalues>
+
 namespace fdi_lio::degeneracy {
 
 namespace {
@@ -34,8 +36,7 @@ void add_ring(const DeskewedScan& scan, std::size_t begin, std::size_t end, std:
   const float wanted = static_cast<float>(config.curvature_half_width_m) / angle_step;
   for (std::size_t i = (begin + stride - 1) / stride * stride; i < end; i += stride) {
     const Eigen::Vector3f& p = scan.points[i].position;
-    const float points =
-        std::min(most, std::ceil(wanted / p.norm()));  // NaN of a bad point fails the test below
+    const float points = std::min(most, std::ceil(wanted / p.norm()));
     const std::size_t n = points > static_cast<float>(least) ? static_cast<std::size_t>(points) : least;
     if (i < begin + n || i + n >= end) continue;
     const float curvature =
@@ -59,11 +60,28 @@ double eigenvalue_entropy(const Eigen::Vector3d& eigenvalues) {
   return std::clamp(entropy / std::log(3.0), 0.0, 1.0);
 }
 
-double geometric_complexity(const VoxelStatistics& voxels) {
+double local_shape_entropy(const VoxelStatistics& voxels) {
   if (voxels.shapes().empty()) return 0.0;
   double sum = 0.0;
   for (const VoxelShape& shape : voxels.shapes()) sum += eigenvalue_entropy(shape.eigenvalues);
   return sum / static_cast<double>(voxels.shapes().size());
+}
+
+double orientation_entropy(const VoxelStatistics& voxels) {
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const VoxelShape& shape : voxels.shapes()) {
+    const Eigen::Vector3d& l = shape.eigenvalues;
+    if (l[2] > 0.0) scatter += (l[1] - l[0]) / l[2] * shape.normal * shape.normal.transpose();
+  }
+  if (!(scatter.trace() > 1e-12)) return 0.0;
+  scatter /= scatter.trace();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter, Eigen::EigenvaluesOnly);
+  return eigenvalue_entropy(solver.eigenvalues().cwiseMax(0.0));
+}
+
+double geometric_complexity(const VoxelStatistics& voxels, const DegeneracyConfig& config) {
+  const double a = config.orientation_share;
+  return (1.0 - a) * local_shape_entropy(voxels) + a * orientation_entropy(voxels);
 }
 
 double plane_deviation_m(const DeskewedScan& scan, const VoxelStatistics& voxels) {

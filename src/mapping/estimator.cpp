@@ -27,12 +27,12 @@ constexpr std::size_t kMinMatches = 30;
 constexpr double kMapTrimDistance = 10.0;
 constexpr double kMaxStaticSpeed = 0.1;
 
-VoxelMapConfig map_config(const MappingConfig& mapping) {
+VoxelMapConfig map_config(const MappingConfig& mapping, double max_thickness_m) {
   VoxelMapConfig config;
   config.voxel_size_m = mapping.map_voxel_m;
   config.min_points = static_cast<std::uint32_t>(mapping.plane_min_points);
   config.max_points = static_cast<std::uint32_t>(mapping.max_points_per_voxel);
-  config.max_thickness_m = mapping.plane_max_thickness_m;
+  config.max_thickness_m = max_thickness_m;
   return config;
 }
 
@@ -71,8 +71,8 @@ class Estimator::Implementation {
         T_imu_lidar_(config.sensor.T_imu_lidar()),
         matcher_(config),
         smoother_(config.mapping.window_size, config.sensor.gravity_mps2),
-        plane_map_(map_config(config.mapping)),
-        edge_map_(map_config(config.mapping)) {}
+        plane_map_(map_config(config.mapping, config.mapping.plane_max_thickness_m)),
+        edge_map_(map_config(config.mapping, config.mapping.line_max_thickness_m)) {}
 
   std::optional<EstimateResult> add(const FeatureSet& features, const degeneracy::Degeneracy& degeneracy,
                                     const std::optional<imu::Preintegration>& imu);
@@ -183,6 +183,8 @@ LidarInformation Estimator::Implementation::optimise(const MatchInput& input, Es
   const int iterations = is_start ? kStartIterations : config_.mapping.base_iterations;
   MatchSettings settings;
   settings.wide = is_start;
+  settings.plane_weight = config_.mapping.plane_weight;
+  settings.edge_weight = config_.mapping.edge_weight;
   LidarInformation information;
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const imu::NavState current = smoother_.newest();

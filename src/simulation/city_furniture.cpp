@@ -66,9 +66,31 @@ void furnish_side(WorldBuilder* b, const PropMaterials& m, const CityGrid& g, co
   park_cars(b, m, g, kerb);
 }
 
+/// Trees and bushes on the fields beyond the outermost streets.
+void plant_outskirts(WorldBuilder* b, const PropMaterials& m, const CityGrid& g) {
+  constexpr double kReach = 55.0;
+  Random& r = b->random;
+  const double x0 = g.xs.front() - kReach, x1 = g.xs.back() + kReach;
+  const double y0 = g.ys.front() - kReach, y1 = g.ys.back() + kReach;
+  const auto on_street = [](double p, const std::vector<double>& lines) {
+    for (const double line : lines) {
+      if (std::abs(p - line) < 9.0) return true;
+    }
+    return false;
+  };
+  const int count = static_cast<int>(120 * b->settings.trees);
+  for (int i = 0; i < count; ++i) {
+    const double x = r.uniform(x0, x1), y = r.uniform(y0, y1);
+    const bool inside = x > g.xs.front() && x < g.xs.back() && y > g.ys.front() && y < g.ys.back();
+    if (inside || on_street(x, g.xs) || on_street(y, g.ys)) continue;
+    add_tree(b, m, {x, y, g.ground(x, y)}, r.uniform(3.0, 10.0));
+  }
+}
+
 }  // namespace
 
 void add_city_furniture(WorldBuilder* b, const PropMaterials& m, const CityGrid& g) {
+  plant_outskirts(b, m, g);
   for (std::size_t i = 0; i + 1 < g.xs.size(); ++i) {
     for (std::size_t j = 0; j + 1 < g.ys.size(); ++j) {
       const double x0 = g.xs[i] + g.half_x[i], x1 = g.xs[i + 1] - g.half_x[i + 1];

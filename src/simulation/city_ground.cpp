@@ -1,4 +1,5 @@
 #include <cmath>
+#include <utility>
 
 #include "fdi_lio/simulation/city.hpp"
 
@@ -85,9 +86,35 @@ void add_block_ground(WorldBuilder* b, const CityGrid& grid, double x0, double x
   }
 }
 
+constexpr double kOutside = 60.0;  // metres that streets and fields go on beyond the outermost blocks
+
 double margin_after(const std::vector<double>& values, std::size_t i) {
-  constexpr double kOutside = 60.0;  // streets go on beyond the outermost blocks
   return i + 1 < values.size() ? values[i + 1] : values[i] + kOutside;
+}
+
+/// Stretches between streets, with one beyond each end.
+std::vector<std::pair<double, double>> between(const std::vector<double>& lines,
+                                               const std::vector<double>& half) {
+  std::vector<std::pair<double, double>> gaps{{lines.front() - kOutside, lines.front() - half.front()}};
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    const bool last = i + 1 == lines.size();
+    gaps.emplace_back(lines[i] + half[i], last ? lines[i] + kOutside : lines[i + 1] - half[i + 1]);
+  }
+  return gaps;
+}
+
+/// Grass all round the outermost streets.
+void add_outer_fields(WorldBuilder* b, const CityGrid& g) {
+  const MaterialId grass = b->mottled(0.4, 0.4, 1.5);
+  const auto columns = between(g.xs, g.half_x), rows = between(g.ys, g.half_y);
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    for (std::size_t j = 0; j < rows.size(); ++j) {
+      const bool outer = i == 0 || j == 0 || i + 1 == columns.size() || j + 1 == rows.size();
+      if (!outer) continue;
+      add_rectangle(b, g, {columns[i].first, columns[i].second, rows[j].first, rows[j].second, false, 0.0},
+                    0.05, grass);
+    }
+  }
 }
 
 std::vector<double> draw_lines(WorldBuilder* b, int blocks, int origin, double low, double high) {
@@ -132,6 +159,7 @@ CityGrid draw_city_grid(WorldBuilder* b, int columns, int rows, int origin_colum
 }
 
 void add_city_ground(WorldBuilder* b, const CityGrid& g) {
+  add_outer_fields(b, g);
   for (std::size_t i = 0; i < g.xs.size(); ++i) {
     for (std::size_t j = 0; j < g.ys.size(); ++j) {
       const double x = g.xs[i], y = g.ys[j], hx = g.half_x[i], hy = g.half_y[j];
@@ -142,8 +170,8 @@ void add_city_ground(WorldBuilder* b, const CityGrid& g) {
       add_rectangle(b, g, {x - hx, x + hx, y - hy, y + hy, true, x}, 0.0, open);
       add_road(b, g, x + hx, next_x, y, hy, false);
       add_road(b, g, y + hy, next_y, x, hx, true);
-      if (i == 0) add_road(b, g, x - 60.0, x - hx, y, hy, false);
-      if (j == 0) add_road(b, g, y - 60.0, y - hy, x, hx, true);
+      if (i == 0) add_road(b, g, x - kOutside, x - hx, y, hy, false);
+      if (j == 0) add_road(b, g, y - kOutside, y - hy, x, hx, true);
       if (!last_x && !last_y) add_block_ground(b, g, x + hx, next_x, y + hy, next_y);
     }
   }

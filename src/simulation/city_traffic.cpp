@@ -1,23 +1,11 @@
-#include <algorithm>
 #include <cmath>
-#include <memory>
 
 #include "fdi_lio/simulation/city.hpp"
+#include "fdi_lio/simulation/traffic.hpp"
 
 namespace fdi_lio::simulation {
 
 namespace {
-
-using PoseFunction = std::function<Eigen::Isometry3d(double)>;
-
-/// Whether something with this motion would come nearer than `distance` to the sensor.
-bool comes_near(const PoseFunction& pose, const Trajectory& trajectory, double distance) {
-  constexpr double kStep = 0.2;  // seconds
-  for (double t = 0.0; t < trajectory.duration_s(); t += kStep) {
-    if ((pose(t).translation() - trajectory.pose(t).translation()).head<2>().norm() < distance) return true;
-  }
-  return false;
-}
 
 /// A car that drives straight through the city in its lane and enters again on the other side.
 PoseFunction straight_drive(WorldBuilder* b, const CityGrid& g) {
@@ -39,23 +27,6 @@ PoseFunction straight_drive(WorldBuilder* b, const CityGrid& g) {
     const double y = along_x ? line - direction * kLaneOffset : along;
     const double heading = (along_x ? 0.0 : M_PI / 2.0) + (direction > 0.0 ? 0.0 : M_PI);
     return pose_at(x, y, ground(x, y), heading);
-  };
-}
-
-/// A car on the sensor's own way that starts at arc length `start`.
-PoseFunction convoy_drive(const Route& route, const MotionSettings& motion, const Ground& ground,
-                          double duration, double start) {
-  constexpr double kPeriod = 0.1;
-  auto shared = std::make_shared<const Route>(route);
-  auto progress = std::make_shared<const std::vector<double>>(
-      plan_progress(route, motion, start, duration + 5.0, kPeriod));
-  return [=](double t) {
-    const double index = std::clamp(t / kPeriod, 0.0, static_cast<double>(progress->size()) - 1.001);
-    const auto i = static_cast<std::size_t>(index);
-    const double u = index - static_cast<double>(i);
-    const Route::Point point = shared->at((1.0 - u) * (*progress)[i] + u * (*progress)[i + 1]);
-    const double x = point.position.x(), y = point.position.y();
-    return pose_at(x, y, ground(x, y), point.heading);
   };
 }
 

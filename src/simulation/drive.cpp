@@ -100,8 +100,39 @@ std::vector<double> plan_progress(const Route& route, const MotionSettings& moti
   return progress;
 }
 
+Trajectory walk(const Route& route, const Ground& ground, const MotionSettings& motion, double start,
+                double duration, std::uint64_t seed) {
+  constexpr double kMeanHz = 0.65;  // of the hand's movements
+  constexpr double kPitchLimit = 0.6;
+  const std::vector<double> progress =
+      plan_progress(route, motion, start, duration + kLookaheadS, kKnotPeriod);
+  Random random(seed, kStreamMotion);
+  // Three sines of about half the size each seldom add up: their peak is about 1.1 times the size.
+  const double size = motion.shake_rad_s / (1.1 * 2.0 * M_PI * kMeanHz);
+  const Wobble yaw(size, 0.3, 1.0, &random);
+  const Wobble pitch(std::min(0.5 * size, kPitchLimit), 0.3, 1.0, &random);
+  const Wobble roll(0.35 * size, 0.3, 1.0, &random);
+  const Wobble sway(0.03, 0.4, 1.1, &random);
+  const double step_hz = random.uniform(1.7, 2.1);
+  std::vector<PoseVector> poses;
+  for (std::size_t i = 0; i < progress.size(); ++i) {
+    const double t = kKnotPeriod * static_cast<double>(i);
+    const double speed = i > 0 ? (progress[i] - progress[i - 1]) / kKnotPeriod : motion.start_speed_mps;
+    const double amount = std::tanh(2.0 * speed / motion.speed_mps);
+    const Route::Point point = route.at(progress[i]);
+    const double bob = 0.025 * std::sin(2.0 * M_PI * step_hz * t);
+    PoseVector pose;
+    pose << point.position.x(), point.position.y(),
+        ground(point.position.x(), point.position.y()) + motion.imu_height_m + amount * (bob + sway.at(t)),
+        amount * roll.at(t), amount * pitch.at(t), point.heading + amount * yaw.at(t);
+    poses.push_back(pose);
+  }
+  return Trajectory(std::move(poses), kKnotPeriod);
+}
+
 Trajectory drive(const Route& route, const Ground& ground, const MotionSettings& motion, double start,
                  double duration, std::uint64_t seed) {
+  if (motion.type == "handheld") return walk(route, ground, motion, start, duration, seed);
   constexpr double kDegree = M_PI / 180.0;
   constexpr double kHalfWheelbase = 1.4;
   constexpr double kHalfTrack = 0.8;

@@ -184,10 +184,10 @@ double LidarSimulator::mixed_range(const Column& column, const Eigen::Vector3f& 
 
 void LidarSimulator::fill_intensity(double effective, bool retro, double range, std::size_t beam,
                                     Random* random, LidarReturn* point) const {
-  const double noise = 1.0 + 0.04 * random->normal();
+  const double noise = 1.0 + 0.04 * random->rough_normal();
   const double gain = errors_.gain[beam];
   const double range_residue = 1.0 - 0.15 * range / model_.max_range_m;  // what the calibration leaves
-  double calibrated = 100.0 * effective * gain * noise * range_residue + random->normal();
+  double calibrated = 100.0 * effective * gain * noise * range_residue + random->rough_normal();
   if (retro) calibrated = 100.0 + 155.0 * (1.0 - std::exp(-effective / 3.0)) * noise;
   calibrated = std::clamp(std::round(calibrated), 0.0, 255.0);
   if (model_.layout == CloudLayout::kVelodyne) {
@@ -197,7 +197,7 @@ void LidarSimulator::fill_intensity(double effective, bool retro, double range, 
   constexpr double kPhotons = 6e4;     // at 1 m from a white surface, without the near-range loss
   constexpr double kNearLossM2 = 4.0;  // lens overlap: less light from very near
   const double photons = kPhotons * effective * gain / (range * range + kNearLossM2);
-  const double counted = photons + std::sqrt(photons) * random->normal();
+  const double counted = photons + std::sqrt(photons) * random->rough_normal();
   point->intensity = static_cast<float>(std::clamp(std::round(counted), 1.0, 65535.0));
   point->reflectivity = static_cast<std::uint16_t>(calibrated);
   point->ambient = static_cast<std::uint16_t>(std::clamp(60.0 + 500.0 * effective * noise, 0.0, 65535.0));

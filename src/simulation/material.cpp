@@ -64,13 +64,14 @@ float crossing(const Material& m, float u, float v) {
   return inside && stripe ? worn_paint(m, u, v) : asphalt(m, u, v);
 }
 
+/// v is 0 at the line beside the median; three lanes, then the hard shoulder.
 float highway(const Material& m, float u, float v) {
   constexpr float kLane = 3.6f;
-  const float from_line = std::abs(v - kLane * std::round(v / kLane));
-  const bool outer = std::abs(v) > m.half_width_m - 0.5f * kLane - 2.5f;
-  const bool edge = std::abs(std::abs(v) - (m.half_width_m - 2.6f)) < 0.1f;
-  const bool dash = !outer && from_line < 0.075f && wrap(u, 18.0f) < 6.0f;
-  return dash || edge ? worn_paint(m, u, v) : asphalt(m, u, v);
+  const float line = std::round(v / kLane);
+  const float from_line = std::abs(v - kLane * line);
+  const bool solid = (line == 0.0f || line == 3.0f) && from_line < 0.12f;
+  const bool dash = line > 0.0f && line < 3.0f && from_line < 0.075f && wrap(u, 18.0f) < 6.0f;
+  return solid || dash ? worn_paint(m, u, v) : asphalt(m, u, v);
 }
 
 /// Marks that real tunnels carry for maintenance and escape: numbers, arrows, stripes; one here and there.

@@ -1,6 +1,8 @@
 // simulate_bag: draws a place from a scenario and a seed, drives through it, and writes what the sensors
 // would have recorded as a bag, with the ground truth beside it. Argument parsing and bag writing only.
 
+#include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -18,6 +20,7 @@
 #include <unistd.h>
 
 #include "fdi_lio/common/error.hpp"
+#include "fdi_lio/common/parallel.hpp"
 #include "fdi_lio/common/time.hpp"
 #include "fdi_lio/simulation/cloud_encoding.hpp"
 #include "fdi_lio/simulation/imu_simulator.hpp"
@@ -37,6 +40,7 @@ namespace sim = fdi_lio::simulation;
 constexpr Stamp kStart = 1700000000LL * 1000000000LL;  // stamp of t = 0 in every recording
 constexpr double kImuLatency = 0.001;                  // seconds
 constexpr double kOdometryRate = 100.0;                // Hz
+constexpr int kBatch = 8;                              // scans in memory at a time
 
 struct Options {
   std::string scenario;
@@ -127,8 +131,7 @@ class Progress {
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
-sensor_msgs::PointCloud2 cloud_message(const sim::EncodedCloud& cloud, Stamp stamp,
-                                       const std::string& frame) {
+sensor_msgs::PointCloud2 cloud_message(sim::EncodedCloud cloud, Stamp stamp, const std::string& frame) {
   sensor_msgs::PointCloud2 message;
   message.header.stamp = ros_time(stamp);
   message.header.frame_id = frame;
@@ -137,7 +140,7 @@ sensor_msgs::PointCloud2 cloud_message(const sim::EncodedCloud& cloud, Stamp sta
   message.point_step = cloud.point_step;
   message.row_step = cloud.point_step * cloud.width;
   message.is_dense = cloud.is_dense;
-  message.data = cloud.data;
+  message.data = std::move(cloud.data);
   for (const sim::EncodedField& field : cloud.fields) {
     sensor_msgs::PointField f;
     f.name = field.name;
@@ -236,9 +239,14 @@ class Recorder {
     const int scans = static_cast<int>(scenario_.duration_s * model_.rate_hz);
     const Progress progress(scans);
     first_ = next_ = imu_.next();
-    for (int index = 0; index < scans; ++index) {
-      write_scan(index);
-      progress.update(index + 1);
+    for (int begin = 0; begin < scans; begin += kBatch) {
+      const int count = std::min(kBatch, scans - begin);
+      std::vector<Scan> batch(static_cast<std::size_t>(count));
+      fdi_lio::parallel_chunks(batch.size(), 1, [&](std::size_t i, std::size_t, std::size_t) {
+        batch[i] = simulate(begin + static_cast<int>(i));
+      });
+      for (const Scan& scan : batch) write(scan);
+      progress.update(begin + count);
     }
     bag_.close();
     tum_.close();
@@ -248,19 +256,32 @@ class Recorder {
   }
 
  private:
-  void write_scan(int index) {
+  /// A scan as it is written.
+  struct Scan {
+    Stamp stamp = 0;
+    double received_s = 0.0;
+    std::vector<std::int16_t> labels;
+    sensor_msgs::PointCloud2 message;
+  };
+
+  Scan simulate(int index) const {
     const sim::LidarScan scan = lidar_.simulate(index);
     const bool ouster = model_.layout == sim::CloudLayout::kOuster;
-    const sim::EncodedCloud cloud = sim::encode_cloud(scan, model_.layout, scenario_.lidar.stamp_at_end);
-    const double stamp_s =
-        scan.start_s + lidar_.errors().time_offset_s +
-        (scenario_.lidar.stamp_at_end && !ouster ? scan.column_time(scan.columns - 1) : 0.0);
-    const Stamp stamp = add_seconds(kStart, stamp_s);
-    const double received = scan.start_s + scan.period_s + scenario_.lidar.latency_s;
-    write_until(received);
-    bag_.write("/points_raw", ros_time(add_seconds(kStart, received)),
-               cloud_message(cloud, stamp, ouster ? "os_sensor" : "velodyne"));
-    labels_.add(stamp, cloud.labels);
+    const bool at_end = scenario_.lidar.stamp_at_end && !ouster;
+    sim::EncodedCloud cloud = sim::encode_cloud(scan, model_.layout, at_end);
+    Scan result;
+    result.stamp = add_seconds(kStart, scan.start_s + lidar_.errors().time_offset_s +
+                                           (at_end ? scan.column_time(scan.columns - 1) : 0.0));
+    result.received_s = scan.start_s + scan.period_s + scenario_.lidar.latency_s;
+    result.labels = std::move(cloud.labels);
+    result.message = cloud_message(std::move(cloud), result.stamp, ouster ? "os_sensor" : "velodyne");
+    return result;
+  }
+
+  void write(const Scan& scan) {
+    write_until(scan.received_s);
+    bag_.write("/points_raw", ros_time(add_seconds(kStart, scan.received_s)), scan.message);
+    labels_.add(scan.stamp, scan.labels);
   }
 
   /// IMU readings and ground truth that are received before `time`, seconds.

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 
 #include "fdi_lio/common/parameter_visitor.hpp"
+#include "fdi_lio/degeneracy/degeneracy_config.hpp"
 
 namespace fdi_lio {
 
@@ -99,6 +100,9 @@ struct MappingConfig {
   double keyframe_rotation_weight_m_per_rad = 2.0;
   double output_map_voxel_m = 0.1;
   bool use_edges = true;
+  double plane_weight = 1.0;
+  double edge_weight = 0.1;
+  double line_max_thickness_m = 0.05;
 
   void visit(ParameterVisitor& visitor);
 };
@@ -110,6 +114,7 @@ struct Config {
   ImuConfig imu;
   FeatureConfig features;
   MappingConfig mapping;
+  degeneracy::DegeneracyConfig degeneracy;
   int threads = 2;
 
   void visit(ParameterVisitor& visitor);

@@ -11,23 +11,24 @@ struct DegeneracyConfig {
   double voxel_growth_range_m = 20.0;
   int voxel_min_points = 6;
   int voxel_min_ring_span = 1;
-  int entropy_reference_voxels = 2000;
+  double orientation_share = 0.75;
+  int entropy_reference_voxels = 100;
   int curvature_neighbours = 5;
   double curvature_half_width_m = 0.5;
-  double curvature_floor = 0.1;
+  double curvature_floor = 0.3;
   double gradient_floor = 0.1;
   double gradient_percentile = 0.99;
 
-  double complexity_gain = 25.0;
-  double complexity_centre = 0.55;
+  double complexity_gain = 15.0;
+  double complexity_centre = 0.6;
   double deviation_gain = 12.0;
-  double deviation_scale_m = 0.12;
-  double entropy_gain = 15.0;
-  double entropy_centre = 0.65;
+  double deviation_scale_m = 0.08;
+  double entropy_gain = 20.0;
+  double entropy_centre = 0.8;
   double gradient_gain = 3.0;
   double gradient_centre = 0.2;
-  double curvature_gain = 2.0;
-  double curvature_centre = 2.5;
+  double curvature_gain = 3.0;
+  double curvature_centre = 2.0;
   double gradient_variation_gain = 1.0;
   double gradient_variation_centre = 1.5;
 

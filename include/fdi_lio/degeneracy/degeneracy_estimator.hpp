@@ -1,11 +1,15 @@
 #pragma once
 
 #include <optional>
+#include <string>
 
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/degeneracy/degeneracy_types.hpp"
+#include "fdi_lio/degeneracy/environment_classifier.hpp"
+#include "fdi_lio/degeneracy/information_weights.hpp"
+#include "fdi_lio/degeneracy/voxel_statistics.hpp"
 
 namespace fdi_lio::degeneracy {
 
@@ -32,8 +36,17 @@ class DegeneracyEstimator {
   void reset();
 
  private:
+  Metrics measure(const DeskewedScan& scan);
+  bool is_new(Stamp stamp);
+  void copy_directions(const OptimisationStatus& status, Degeneracy* result);
+  void report(const std::string& key, const std::string& text);
+
   Config config_;
   Reporter* reporter_;
+  VoxelStatistics voxels_;
+  InformationWeights weights_;
+  EnvironmentClassifier classifier_;
+  std::optional<Stamp> newest_stamp_;
 };
 
 }  // namespace fdi_lio::degeneracy

@@ -13,12 +13,15 @@ enum class EnvironmentClass : std::uint8_t { kStructured = 0, kSparse = 1, kDyna
 
 /// The four metrics of one scan.
 struct Metrics {
-  double geometric_complexity = 0.0;  ///< mean normalised eigenvalue entropy of local covariances, [0, 1]
-  double curvature_complexity = 0.0;  ///< coefficient of variation of the curvature, [0, inf)
-  double point_entropy = 0.0;         ///< entropy of the voxel occupancy over its maximum, [0, 1]
-  double plane_deviation_m = 0.0;     ///< mean distance to locally fitted planes
-  double gradient_mean = 0.0;         ///< mean intensity gradient over the scan's maximum, [0, 1]
-  double gradient_variation = 0.0;    ///< coefficient of variation of the intensity gradient
+  double geometric_complexity =
+      0.0;  ///< eigenvalue entropy of voxel covariances and of their normals, [0, 1]
+  double curvature_complexity =
+      0.0;                     ///< robust coefficient of variation of the curvature, [0, 1 / curvature_floor]
+  double point_entropy = 0.0;  ///< entropy of the voxel occupancy over its reference maximum, [0, 1]
+  double plane_deviation_m = 0.0;   ///< mean distance to planes fitted in voxels
+  bool has_gradient = false;        ///< false: the scan has no intensity gradient, the next two say nothing
+  double gradient_mean = 0.0;       ///< mean intensity gradient over the scan's robust maximum, [0, 1]
+  double gradient_variation = 0.0;  ///< coefficient of variation of the intensity gradient
 };
 
 /// How degraded the surroundings of one scan are. The defaults are the neutral value.

@@ -18,7 +18,15 @@ namespace fdi_lio::degeneracy {
 double eigenvalue_entropy(const Eigen::Vector3d& eigenvalues);
 
 /// Mean eigenvalue entropy of the voxels with a shape, [0, 1]; 0 without any. Cost: O(voxels).
-double geometric_complexity(const VoxelStatistics& voxels);
+double local_shape_entropy(const VoxelStatistics& voxels);
+
+/// Eigenvalue entropy of the mean n n^T of the voxels' normals n, each weighted by its planarity (l1 - l0) /
+/// l2 with l0 <= l1 <= l2: one plane 0, two equal orthogonal planes or a tunnel 0.631, three 1; 0 without
+/// any. Cost: O(voxels).
+double orientation_entropy(const VoxelStatistics& voxels);
+
+/// (1 - a) local_shape_entropy + a orientation_entropy with a = orientation_share, [0, 1]. Cost: O(voxels).
+double geometric_complexity(const VoxelStatistics& voxels, const DegeneracyConfig& config);
 
 /// Mean distance of the sampled points to the plane of their voxel, in metres, [0, voxel diagonal]; 0 without
 /// any shape. Cost: O(samples).

@@ -47,6 +47,15 @@ class Random {
     return radius * std::cos(angle);
   }
 
+  /// About standard normal, never beyond 3.5: a sum of four uniform numbers out of one draw. Several times
+  /// faster.
+  double rough_normal() {
+    const std::uint64_t bits = next();
+    const double sum =
+        static_cast<double>((bits & 0xffff) + (bits >> 16 & 0xffff) + (bits >> 32 & 0xffff) + (bits >> 48));
+    return (sum - 2.0 * 65535.0) * (1.7320508075688772 / 65536.0);
+  }
+
  private:
   std::uint64_t state_;
   double spare_ = 0.0;

@@ -48,8 +48,14 @@ class Route {
 std::vector<double> plan_progress(const Route& route, const MotionSettings& motion, double start,
                                   double duration, double period);
 
-/// The IMU of a vehicle that follows `route` over `ground`: heading along the way, pitch and roll with the
-/// ground, vibration that grows with speed. Covers `duration` seconds and a little more.
+/// The IMU in the hand of a person who walks along `route`: steps, sway, and rotations up to
+/// `motion.shake_rad_s`.
+Trajectory walk(const Route& route, const Ground& ground, const MotionSettings& motion, double start,
+                double duration, std::uint64_t seed);
+
+/// The IMU of a vehicle (or, for motion type handheld, a person, see `walk`) that follows `route` over
+/// `ground`: heading along the way, pitch and roll with the ground, vibration that grows with speed. Covers
+/// `duration` seconds and a little more.
 Trajectory drive(const Route& route, const Ground& ground, const MotionSettings& motion, double start,
                  double duration, std::uint64_t seed);
 

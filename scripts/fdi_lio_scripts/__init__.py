@@ -1,0 +1,1 @@
+"""Code that the Python scripts of fdi_lio share: trajectories, metrics, recordings, pictures."""

@@ -1,0 +1,128 @@
+#!/usr/bin/python3
+"""The whole system on a simulated street: trajectory error against the truth, repeatability, and bad input.
+
+usage: test_offline_slam.py BIN_DIR SOURCE_DIR
+"""
+import filecmp
+import pathlib
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import numpy as np
+
+BIN = pathlib.Path()
+SOURCE = pathlib.Path()
+DURATION_S = 20
+
+
+def read_tum(path):
+    return np.loadtxt(path, ndmin=2)
+
+
+def ate_rmse(estimate, truth):
+    """RMSE of the translation after the rigid alignment of Horn (closed form by SVD), truth interpolated in time."""
+    inside = (estimate[:, 0] >= truth[0, 0]) & (estimate[:, 0] <= truth[-1, 0])
+    p = estimate[inside, 1:4]
+    q = np.stack([np.interp(estimate[inside, 0], truth[:, 0], truth[:, k]) for k in (1, 2, 3)], axis=1)
+    p0, q0 = p - p.mean(axis=0), q - q.mean(axis=0)
+    u, _, vt = np.linalg.svd(q0.T @ p0)
+    rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    return float(np.sqrt(np.mean(np.sum((p0 @ rotation.T - q0) ** 2, axis=1))))
+
+
+class OfflineSlam(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.path = pathlib.Path(cls.folder.name)
+        cls.bag = cls.path / "street.bag"
+        subprocess.run(
+            [BIN / "simulate_bag", "--scenario", SOURCE / "config/scenarios/street.yaml", "--seed", "7", "--output",
+             cls.bag, "--duration", str(DURATION_S)], check=True, capture_output=True)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def command(self, name, *arguments, bag=None):
+        return [BIN / "offline_slam", "--config", SOURCE / "config/hdl64e.yaml", "--bag", bag or self.bag, "--output",
+                self.path / name, "--set", "sensor.T_imu_lidar.translation=[0,0,0.3]", *arguments]
+
+    def run_slam(self, name, *arguments, bag=None):
+        return subprocess.run(self.command(name, *arguments, bag=bag), capture_output=True, text=True, check=False)
+
+    def test_trajectory_is_close_to_the_truth(self):
+        done = self.run_slam("accuracy")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        estimate = read_tum(self.path / "accuracy/trajectory.tum")
+        truth = read_tum(self.path / "street.tum")
+        self.assertGreaterEqual(len(estimate), 10 * DURATION_S - 1)
+        self.assertTrue(np.isfinite(estimate).all())
+        way = np.sum(np.linalg.norm(np.diff(truth[:, 1:4], axis=0), axis=1))
+        self.assertGreater(way, 100.0)
+        self.assertLess(ate_rmse(estimate, truth), 0.1)
+        for name in ("map.pcd", "degeneracy.csv", "timing.json", "run.yaml", "odometry.tum"):
+            self.assertGreater((self.path / "accuracy" / name).stat().st_size, 0, name)
+
+    def test_runs_are_equal_bit_for_bit_with_any_number_of_threads(self):
+        for name, threads in (("one", 1), ("two", 2), ("again", 2)):
+            self.assertEqual(self.run_slam(name, "--set", f"threads={threads}", "--duration", "8").returncode, 0)
+        for other in ("two", "again"):
+            for name in ("trajectory.tum", "odometry.tum", "map.pcd", "degeneracy.csv"):
+                self.assertTrue(filecmp.cmp(self.path / "one" / name, self.path / other / name, shallow=False),
+                                f"{name} of '{other}'")
+
+    def test_lidar_alone_works_with_a_warning(self):
+        done = self.run_slam("lidar", "--set", "sensor.imu_topic=/none")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("/imu_raw", done.stderr)
+        estimate = read_tum(self.path / "lidar/trajectory.tum")
+        self.assertLess(ate_rmse(estimate, read_tum(self.path / "street.tum")), 1.0)
+
+    def test_wrong_topic_names_those_that_would_do(self):
+        done = self.run_slam("topic", "--set", "sensor.points_topic=/none")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("/points_raw", done.stderr)
+
+    def test_missing_and_truncated_bags_are_named(self):
+        done = self.run_slam("missing", bag=self.path / "missing.bag")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("missing.bag", done.stderr)
+        truncated = self.path / "truncated.bag"
+        truncated.write_bytes(self.bag.read_bytes()[:1000000])
+        done = self.run_slam("truncated", bag=truncated)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("truncated.bag", done.stderr)
+
+    def test_output_that_cannot_be_made_is_named(self):
+        (self.path / "file").write_text("in the way")
+        done = self.run_slam("file/below")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("file/below", done.stderr)
+
+    def test_wrong_parameters_stop_before_the_start(self):
+        done = self.run_slam("parameters", "--set", "mapping.typo=1")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("mapping.typo", done.stderr)
+
+    def test_interrupt_keeps_what_was_done(self):
+        process = subprocess.Popen(self.command("interrupt"), stderr=subprocess.PIPE)
+        trajectory = self.path / "interrupt/trajectory.tum"
+        deadline = time.monotonic() + 60.0
+        while time.monotonic() < deadline and (not trajectory.exists() or trajectory.stat().st_size < 500):
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 130)
+        self.assertGreater(len(read_tum(trajectory)), 2)
+        self.assertGreater((self.path / "interrupt/map.pcd").stat().st_size, 0)
+
+
+if __name__ == "__main__":
+    SOURCE = pathlib.Path(sys.argv.pop()).resolve()
+    BIN = pathlib.Path(sys.argv.pop()).resolve()
+    unittest.main(verbosity=2)
