@@ -39,9 +39,8 @@ def associate(estimate: Trajectory, truth: Trajectory, max_diff_s: float, interp
 
 def _nearest(estimate: Trajectory, truth: Trajectory, max_diff_s: float, once: bool) -> Pairs:
     """For each pose of the trajectory with fewer poses the nearest of the other (the rule of evo)."""
-    truth_is_longer = len(truth) > len(estimate)
-    # With equal lengths evo takes its second argument, the estimate, as the one to look up from.
-    truth_is_longer = truth_is_longer or len(truth) == len(estimate)
+    # With equal lengths evo looks up from its second argument, the estimate.
+    truth_is_longer = len(truth) >= len(estimate)
     short, long = (estimate, truth) if truth_is_longer else (truth, estimate)
     nearest = nearest_indices(short.stamps, long.stamps)
     differences = np.abs(long.stamps[nearest] - short.stamps)

@@ -13,7 +13,7 @@ def open_bag(path: str) -> Any:
     """
     if not Path(path).is_file():
         raise UserError(f"{path}: no such file: check the path")
-    rosbag = _import_rosbag()
+    rosbag = import_rosbag()
     try:
         return rosbag.Bag(path, "r")
     except rosbag.ROSBagUnindexedException:
@@ -27,7 +27,7 @@ def topics_of_types(bag: Any, types: Sequence[str]) -> List[str]:
     return sorted(name for name, info in bag.get_type_and_topic_info().topics.items() if info.msg_type in types)
 
 
-def _import_rosbag() -> Any:
+def import_rosbag() -> Any:
     """rosbag is only needed for bags, so that text files can be judged on machines without ROS."""
     try:
         import rosbag  # pylint: disable=import-outside-toplevel

@@ -21,7 +21,8 @@ def run(main: Callable[[], int]) -> None:
         code = EXIT_USER_ERROR
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print(f"error: {where}{error.strerror or error}: check the path, its rights and the free space", file=sys.stderr)
+        what = error.strerror or error
+        print(f"error: {where}{what}: check the path, its rights and the free space", file=sys.stderr)
         code = EXIT_USER_ERROR
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

@@ -9,12 +9,13 @@ namespace fdi_lio::simulation {
 
 namespace {
 
-constexpr double kSpacing = 0.5;
-constexpr double kSmoothingM = 2.5;  // standard deviation; turns jumps of the curvature into ramps
+/// Standard deviation of the smoothing that turns jumps of the curvature into ramps, metres; small in narrow
+/// bends, so that the way keeps clear of the inner corner.
+double smoothing_of(double radius) { return std::clamp(0.25 * radius, 0.25, 2.5); }
 
 /// Polyline with arcs at the corners.
-std::vector<Eigen::Vector2d> rounded(const std::vector<Eigen::Vector2d>& corners, double radius,
-                                     bool closed) {
+std::vector<Eigen::Vector2d> rounded(const std::vector<Eigen::Vector2d>& corners, double radius, bool closed,
+                                     double spacing) {
   const std::size_t n = corners.size();
   std::vector<Eigen::Vector2d> points;
   for (std::size_t i = 0; i < n; ++i) {
@@ -33,7 +34,7 @@ std::vector<Eigen::Vector2d> rounded(const std::vector<Eigen::Vector2d>& corners
     const Eigen::Vector2d centre = corners[i] + (a + b).normalized() * (cut / std::cos(half_angle));
     const Eigen::Vector2d first = corners[i] + cut * a - centre;
     const double sweep = (M_PI - 2.0 * half_angle) * (a.x() * b.y() - a.y() * b.x() > 0.0 ? -1.0 : 1.0);
-    const int steps = std::max(2, static_cast<int>(std::ceil(std::abs(sweep) * fitted / kSpacing)));
+    const int steps = std::max(2, static_cast<int>(std::ceil(std::abs(sweep) * fitted / spacing)));
     for (int k = 0; k <= steps; ++k) {
       points.push_back(centre + Eigen::Rotation2Dd(sweep * k / steps) * first);
     }
@@ -42,14 +43,14 @@ std::vector<Eigen::Vector2d> rounded(const std::vector<Eigen::Vector2d>& corners
   return points;
 }
 
-/// Points at equal distances along a polyline.
+/// Points at equal distances along a polyline, at most `spacing` apart; sets it to the distance used.
 std::vector<Eigen::Vector2d> resampled(const std::vector<Eigen::Vector2d>& points, std::size_t* intervals,
                                        double* spacing) {
   std::vector<double> lengths{0.0};
   for (std::size_t i = 1; i < points.size(); ++i) {
     lengths.push_back(lengths.back() + (points[i] - points[i - 1]).norm());
   }
-  *intervals = static_cast<std::size_t>(std::ceil(lengths.back() / kSpacing));
+  *intervals = static_cast<std::size_t>(std::ceil(lengths.back() / *spacing));
   *spacing = lengths.back() / static_cast<double>(*intervals);
   std::vector<Eigen::Vector2d> result;
   std::size_t segment = 1;
@@ -64,8 +65,8 @@ std::vector<Eigen::Vector2d> resampled(const std::vector<Eigen::Vector2d>& point
 }
 
 std::vector<Eigen::Vector2d> smoothed(const std::vector<Eigen::Vector2d>& points, double spacing,
-                                      bool closed) {
-  const int reach = static_cast<int>(std::ceil(3.0 * kSmoothingM / spacing));
+                                      double sigma, bool closed) {
+  const int reach = static_cast<int>(std::ceil(3.0 * sigma / spacing));
   const int n = static_cast<int>(points.size()) - (closed ? 1 : 0);
   const auto point = [&](int i) -> Eigen::Vector2d {
     if (closed) return points[static_cast<std::size_t>((i % n + n) % n)];
@@ -79,7 +80,7 @@ std::vector<Eigen::Vector2d> smoothed(const std::vector<Eigen::Vector2d>& points
     Eigen::Vector2d sum = Eigen::Vector2d::Zero();
     double total = 0.0;
     for (int k = -reach; k <= reach; ++k) {
-      const double weight = std::exp(-0.5 * std::pow(k * spacing / kSmoothingM, 2));
+      const double weight = std::exp(-0.5 * std::pow(k * spacing / sigma, 2));
       sum += weight * point(i + k);
       total += weight;
     }
@@ -94,7 +95,11 @@ double wrapped(double angle) { return std::remainder(angle, 2.0 * M_PI); }
 
 Route::Route(const std::vector<Eigen::Vector2d>& corners, double radius, bool closed) : closed_(closed) {
   if (corners.size() < (closed ? 3u : 2u)) throw Error("a route needs at least two corners, a loop three");
-  positions_ = smoothed(resampled(rounded(corners, radius, closed), &count_, &spacing_), spacing_, closed);
+  const double sigma = smoothing_of(radius);
+  spacing_ = std::min(0.5, 0.3 * sigma);
+  const std::vector<Eigen::Vector2d> way = rounded(corners, radius, closed, spacing_);
+  const std::vector<Eigen::Vector2d> even = resampled(way, &count_, &spacing_);
+  positions_ = smoothed(even, spacing_, sigma, closed);
   headings_.resize(count_ + 1);
   for (std::size_t i = 0; i <= count_; ++i) {
     const std::size_t before = i > 0 ? i - 1 : (closed ? count_ - 1 : 0);

@@ -83,15 +83,15 @@ struct FeatureConfig {
 struct MappingConfig {
   int window_size = 4;
   int base_iterations = 4;
-  double feature_voxel_m = 0.5;
-  int max_planes_matched = 4000;
+  double feature_voxel_m = 0.35;
+  int max_planes_matched = 10000;
   double map_voxel_m = 0.4;
   double map_radius_m = 150.0;
   int plane_min_points = 6;
   int max_points_per_voxel = 200;
   double plane_max_thickness_m = 0.1;
   double max_residual_m = 0.5;
-  double robust_scale = 2.0;
+  double robust_scale = 1.5;
   double surface_roughness_m = 0.01;
   double correlation_factor = 4.0;
   double convergence_rotation_rad = 1e-4;

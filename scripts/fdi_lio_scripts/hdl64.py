@@ -1,0 +1,72 @@
+"""Ring and time of the points of a KITTI scan, which stores neither.
+
+KITTI stores a scan ring by ring from the highest beam to the lowest, each ring counter-clockwise from straight ahead
+(azimuth 0 to 360 degrees). So a new ring begins where the azimuth falls back. On 77 whole scans of
+2011_09_26 (HDL-64E) this finds exactly 64 rings each time, while the elevation of one ring varies by more than
+4 degrees, ten times the spacing of the beams: the lasers sit up to 0.2 m from the centre, which near points show.
+"""
+
+from typing import Tuple
+
+import numpy as np
+
+RING_COUNT = 64
+# Nominal elevations from the highest beam down: the upper block has 32 beams each 1/3 degree from +2, the lower
+# one 32 beams each 1/2 degree from -8.83 (HDL-64E data sheet).
+NOMINAL_ELEVATIONS_DEG = np.concatenate([2.0 - np.arange(32) / 3.0, -8.83 - np.arange(32) / 2.0])
+# Distant points show the beam's elevation; near ones look higher than it.
+FAR_QUANTILE = 0.05
+
+
+def rings_of(xyz: np.ndarray) -> Tuple[np.ndarray, str]:
+    """Ring of each point, 0 the lowest beam as in the Velodyne driver, and how it was found.
+
+    "order": all 64 rings were there. "order, n rings": some beam saw nothing or the file is cut short; the rings that
+    exist are matched to the beams by elevation, keeping their order. "elevation": the points are not in KITTI's order.
+    """
+    azimuth = np.arctan2(xyz[:, 1], xyz[:, 0]) % (2 * np.pi)
+    group = np.concatenate([[0], np.cumsum(np.diff(azimuth) < -np.pi)]).astype(int)[: len(xyz)]
+    count = int(group[-1]) + 1 if len(group) else 0
+    elevation = np.degrees(np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1])))
+    if count == RING_COUNT:
+        from_top, how = group, "order"
+    elif 0 < count < RING_COUNT:
+        ends = np.flatnonzero(np.diff(group)) + 1
+        far = np.array([np.quantile(part, FAR_QUANTILE) for part in np.split(elevation, ends)])
+        from_top, how = match_in_order(far, NOMINAL_ELEVATIONS_DEG)[group], f"order, {count} rings"
+    else:
+        from_top = np.argmin(np.abs(elevation[:, None] - NOMINAL_ELEVATIONS_DEG), axis=1)
+        how = "elevation"
+    return (RING_COUNT - 1 - from_top).astype(np.uint16), how
+
+
+def match_in_order(found: np.ndarray, nominal: np.ndarray) -> np.ndarray:
+    """Index into `nominal` for each of `found`, strictly increasing, with the least sum of absolute differences.
+
+    Dynamic programme: best[i, j] is the cost of matching found[:i] to elements of nominal[:j].
+    """
+    cost = np.abs(found[:, None] - nominal[None, :])
+    best = np.full((len(found) + 1, len(nominal) + 1), np.inf)
+    best[0] = 0.0
+    for i in range(1, len(found) + 1):
+        for j in range(i, len(nominal) + 1):
+            best[i, j] = min(best[i, j - 1], best[i - 1, j - 1] + cost[i - 1, j - 1])
+    chosen = np.zeros(len(found), dtype=int)
+    j = len(nominal)
+    for i in range(len(found), 0, -1):
+        while best[i, j - 1] <= best[i, j]:
+            j -= 1
+        j -= 1
+        chosen[i - 1] = j
+    return chosen
+
+
+def sweep_share(xyz: np.ndarray) -> np.ndarray:
+    """Share of the sweep that was over when a point was measured, in [0, 1).
+
+    The head turns clockwise seen from above and a sweep runs from straight behind over the left side, the front (where
+    it triggers the cameras, at half time) and the right side: share = (pi - azimuth) / (2 pi).
+    The lasers' own horizontal angles (some degrees) are unknown in KITTI's files: about 2 ms of error.
+    """
+    azimuth = np.arctan2(xyz[:, 1].astype(np.float64), xyz[:, 0].astype(np.float64))
+    return np.clip((np.pi - azimuth) / (2 * np.pi), 0.0, np.nextafter(1.0, 0.0))
