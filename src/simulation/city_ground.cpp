@@ -33,7 +33,7 @@ void add_rectangle(WorldBuilder* b, const CityGrid& grid, const Rectangle& r, do
 MaterialId road_material(WorldBuilder* b, Texture texture, double half_width) {
   Material road;
   road.texture = texture;
-  road.reflectivity = static_cast<float>(b->random.uniform(0.1, 0.18));
+  road.reflectivity = static_cast<float>(b->random.uniform(0.18, 0.3));
   road.contrast = 0.3f;
   road.half_width_m = static_cast<float>(half_width);
   return b->add_material(road);
@@ -61,7 +61,7 @@ void add_road(WorldBuilder* b, const CityGrid& grid, double begin, double end, d
 void add_block_ground(WorldBuilder* b, const CityGrid& grid, double x0, double x1, double y0, double y1) {
   Material slabs;
   slabs.texture = Texture::kPaving;
-  slabs.reflectivity = static_cast<float>(b->random.uniform(0.2, 0.35));
+  slabs.reflectivity = static_cast<float>(b->random.uniform(0.28, 0.42));
   slabs.contrast = 0.15f;
   slabs.scale_m = 0.5f;
   const MaterialId paving = b->add_material(slabs);
@@ -166,7 +166,7 @@ void add_city_ground(WorldBuilder* b, const CityGrid& g) {
       const bool last_x = i + 1 == g.xs.size(), last_y = j + 1 == g.ys.size();
       const double next_x = margin_after(g.xs, i) - (last_x ? 0.0 : g.half_x[i + 1]);
       const double next_y = margin_after(g.ys, j) - (last_y ? 0.0 : g.half_y[j + 1]);
-      const MaterialId open = b->mottled(0.14, 0.3, 4.0);
+      const MaterialId open = b->mottled(0.22, 0.3, 4.0);
       add_rectangle(b, g, {x - hx, x + hx, y - hy, y + hy, true, x}, 0.0, open);
       add_road(b, g, x + hx, next_x, y, hy, false);
       add_road(b, g, y + hy, next_y, x, hx, true);

@@ -19,12 +19,16 @@ constexpr double kSpeedSmoothing = 0.5;  // seconds; standard deviation, keeps t
 std::vector<double> speed_limits(const Route& route, const MotionSettings& motion, double start,
                                  double reach) {
   const std::size_t count = static_cast<std::size_t>(reach / kStep) + 2;
-  std::vector<double> limits(count);
+  // A driver is slow all through a bend; this also makes up for the smoothing of the speed further down.
+  const double margin = kSpeedSmoothing * std::min(motion.speed_mps, 8.0);
+  std::vector<double> limits(count, motion.speed_mps);
   for (std::size_t i = 0; i < count; ++i) {
     const double s = start + kStep * static_cast<double>(i);
-    const double curvature = std::abs(route.at(s).curvature);
-    limits[i] =
-        std::min(motion.speed_mps, std::sqrt(motion.max_lateral_acceleration / std::max(curvature, 1e-6)));
+    double curvature = 1e-6;
+    for (double ahead = -margin; ahead <= margin; ahead += kStep) {
+      curvature = std::max(curvature, std::abs(route.at(s + ahead).curvature));
+    }
+    limits[i] = std::min(limits[i], std::sqrt(motion.max_lateral_acceleration / curvature));
     if (!route.closed() && s > route.length() - 1.0) limits[i] = 0.05;
   }
   const double gain = 2.0 * motion.max_acceleration * kStep;

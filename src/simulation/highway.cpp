@@ -47,7 +47,7 @@ void add_guard_rail(WorldBuilder* b, const PropMaterials& m, const Route& axis, 
 void add_surfaces(WorldBuilder* b, const Route& axis, const Ground& ground) {
   Material road;
   road.texture = Texture::kHighway;
-  road.reflectivity = static_cast<float>(b->random.uniform(0.1, 0.2));
+  road.reflectivity = static_cast<float>(b->random.uniform(0.18, 0.3));
   road.contrast = 0.2f;
   const std::vector<double> at = stations(0.0, axis.length(), 6.0);
   const MaterialId grass = b->mottled(0.4, 0.4, 1.5);

@@ -14,6 +14,7 @@ constexpr double kDegree = M_PI / 180.0;
 /// +2.
 LidarModel hdl64e() {
   LidarModel model;
+  model.intensity_half_range_m = 35.0;  // as in KITTI's recordings
   for (int i = 0; i < 32; ++i) model.beams.push_back({(-24.8 + i * (15.97 / 31.0)) * kDegree, 0.0});
   for (int i = 0; i < 32; ++i) model.beams.push_back({(-8.33 + i / 3.0) * kDegree, 0.0});
   return model;

@@ -21,6 +21,14 @@ Eigen::Vector3f direction_of(double azimuth, double elevation) {
       .cast<float>();
 }
 
+/// Share of the light that comes back at an angle of incidence. Real roads and walls are rough and send far
+/// more back at grazing incidence than Lambert's cosine: the exponent 3/8 gives the road intensities of
+/// KITTI's HDL-64E.
+double rough_surface_factor(double cosine) {
+  const double fourth_root = std::sqrt(std::sqrt(cosine));
+  return fourth_root * std::sqrt(fourth_root);
+}
+
 }  // namespace
 
 /// Where and when one column is fired.
@@ -129,7 +137,7 @@ LidarReturn LidarSimulator::measure(const Column& column, std::size_t beam, Hit 
   } else {
     return point;
   }
-  const double effective = retro > 0.0 ? retro : reflectivity * cosine;
+  const double effective = retro > 0.0 ? retro : reflectivity * rough_surface_factor(cosine);
   const double threshold = 0.1 / (model_.range_at_10_percent_m * model_.range_at_10_percent_m);
   const double signal = effective / (range * range) / threshold;  // 1 where half of the pulses return
   const double sharpened = signal * signal * signal;
@@ -186,7 +194,8 @@ void LidarSimulator::fill_intensity(double effective, bool retro, double range, 
                                     Random* random, LidarReturn* point) const {
   const double noise = 1.0 + 0.04 * random->rough_normal();
   const double gain = errors_.gain[beam];
-  const double range_residue = 1.0 - 0.15 * range / model_.max_range_m;  // what the calibration leaves
+  const double relative = range / model_.intensity_half_range_m;
+  const double range_residue = 1.0 / (1.0 + relative * relative);  // what the calibration leaves
   double calibrated = 100.0 * effective * gain * noise * range_residue + random->rough_normal();
   if (retro) calibrated = 100.0 + 155.0 * (1.0 - std::exp(-effective / 3.0)) * noise;
   calibrated = std::clamp(std::round(calibrated), 0.0, 255.0);

@@ -153,10 +153,11 @@ Place make_plaza(const Scenario& scenario, std::uint64_t seed) {
   const double size = scenario.world.length_m * b.random.uniform(0.85, 1.15);
   const Square q{0.5 * size, 0.5 * size * b.random.uniform(0.65, 0.9), b.add_material(slabs)};
   add_ground(&b, q);
-  add_row(&b, {q.half_x - 6.0, q.half_y}, {-q.half_x + 6.0, q.half_y});
-  add_row(&b, {-q.half_x + 6.0, -q.half_y}, {q.half_x - 6.0, -q.half_y});
-  add_row(&b, {q.half_x, -q.half_y + 6.0}, {q.half_x, q.half_y - 6.0});
-  add_row(&b, {-q.half_x, q.half_y - 6.0}, {-q.half_x, -q.half_y + 6.0});
+  const double x = q.half_x, y = q.half_y, corner = 6.0;  // streets leave at the corners
+  add_row(&b, {-x + corner, y}, {x - corner, y});
+  add_row(&b, {x, y - corner}, {x, -y + corner});
+  add_row(&b, {x - corner, -y}, {-x + corner, -y});
+  add_row(&b, {-x, -y + corner}, {-x, y - corner});
   add_fittings(&b, materials, q);
   const Route way = draw_way(q, &b.random);
   const Ground level = [](double, double) { return 0.0; };

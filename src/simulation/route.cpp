@@ -125,7 +125,13 @@ Route::Point Route::at(double s) const {
   const std::size_t i = std::min(static_cast<std::size_t>(s / spacing_), count_ - 1);
   const double u = s / spacing_ - static_cast<double>(i);
   Point point;
-  point.position = (1.0 - u) * positions_[i] + u * positions_[i + 1];
+  // Hermite: straight pieces between the points would be jolts.
+  const auto tangent = [&](std::size_t k) {
+    return Eigen::Vector2d(spacing_ * std::cos(headings_[k]), spacing_ * std::sin(headings_[k]));
+  };
+  const double u2 = u * u, u3 = u2 * u;
+  point.position = (2.0 * u3 - 3.0 * u2 + 1.0) * positions_[i] + (u3 - 2.0 * u2 + u) * tangent(i) +
+                   (3.0 * u2 - 2.0 * u3) * positions_[i + 1] + (u3 - u2) * tangent(i + 1);
   point.heading = (1.0 - u) * headings_[i] + u * headings_[i + 1] + laps * turn_;
   point.curvature = (1.0 - u) * curvatures_[i] + u * curvatures_[i + 1];
   return point;

@@ -39,7 +39,7 @@ class TunnelBuilder {
     lining_right_ = b->add_material(lining);
     Material road;
     road.texture = Texture::kRoad;
-    road.reflectivity = static_cast<float>(r.uniform(0.1, 0.16));
+    road.reflectivity = static_cast<float>(r.uniform(0.15, 0.25));
     road.contrast = 0.25f;
     road.half_width_m = static_cast<float>(half_ - kWalkway + 1.9);  // puts the edge lines near the walkways
     road_ = b->add_material(road);
@@ -205,7 +205,7 @@ void add_country_road(WorldBuilder* b, const PropMaterials& m, const Route& cent
   Random& r = b->random;
   Material road;
   road.texture = Texture::kRoad;
-  road.reflectivity = 0.14f;
+  road.reflectivity = 0.22f;
   road.contrast = 0.3f;
   road.half_width_m = 6.0f;
   const MaterialId grass = b->mottled(0.4, 0.4, 1.5);

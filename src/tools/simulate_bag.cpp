@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -15,6 +16,7 @@
 #include <nav_msgs/Odometry.h>
 #include <rosbag/bag.h>
 #include <sensor_msgs/Imu.h>
+#include <sensor_msgs/NavSatFix.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <tbb/global_control.h>
 #include <unistd.h>
@@ -23,6 +25,7 @@
 #include "fdi_lio/common/parallel.hpp"
 #include "fdi_lio/common/time.hpp"
 #include "fdi_lio/simulation/cloud_encoding.hpp"
+#include "fdi_lio/simulation/gnss_simulator.hpp"
 #include "fdi_lio/simulation/imu_simulator.hpp"
 #include "fdi_lio/simulation/lidar_simulator.hpp"
 #include "fdi_lio/simulation/scenario.hpp"
@@ -39,8 +42,9 @@ namespace sim = fdi_lio::simulation;
 
 constexpr Stamp kStart = 1700000000LL * 1000000000LL;  // stamp of t = 0 in every recording
 constexpr double kImuLatency = 0.001;                  // seconds
-constexpr double kOdometryRate = 100.0;                // Hz
-constexpr int kBatch = 8;                              // scans in memory at a time
+constexpr double kGnssLatency = 0.05;
+constexpr double kOdometryRate = 100.0;  // Hz
+constexpr int kBatch = 8;                // scans in memory at a time
 
 struct Options {
   std::string scenario;
@@ -54,7 +58,8 @@ const char kUsage[] =
     "usage: simulate_bag --scenario config/scenarios/NAME.yaml --output FILE.bag [--seed N] [--duration "
     "SECONDS]\n"
     "                    [--set key=value]... [--threads N]\n"
-    "Writes FILE.bag (/points_raw /imu_raw /ground_truth/odometry), and beside it FILE.tum (truth), "
+    "Writes FILE.bag (/points_raw /imu_raw /ground_truth/odometry, /gps/fix if enabled), and beside it "
+    "FILE.tum (truth), "
     "FILE.labels\n"
     "(moving object of each point), FILE.yaml (what was drawn), FILE.config.yaml (parameters for fdi_lio).\n";
 
@@ -201,6 +206,24 @@ nav_msgs::Odometry odometry_message(const sim::MotionState& state, Stamp stamp) 
   return message;
 }
 
+sensor_msgs::NavSatFix fix_message(const sim::GnssFix& fix, const sim::GnssSettings& settings) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  sensor_msgs::NavSatFix message;
+  message.header.stamp = ros_time(add_seconds(kStart, fix.time_s));
+  message.header.frame_id = "imu_link";
+  message.status.status =
+      fix.valid ? sensor_msgs::NavSatStatus::STATUS_FIX : sensor_msgs::NavSatStatus::STATUS_NO_FIX;
+  message.status.service = sensor_msgs::NavSatStatus::SERVICE_GPS;
+  message.latitude = fix.valid ? fix.latitude_deg : kNan;
+  message.longitude = fix.valid ? fix.longitude_deg : kNan;
+  message.altitude = fix.valid ? fix.altitude_m : kNan;
+  const double variance = settings.noise_m * settings.noise_m + settings.drift_m * settings.drift_m;
+  message.position_covariance[0] = message.position_covariance[4] = variance;
+  message.position_covariance[8] = 9.0 * variance;
+  message.position_covariance_type = sensor_msgs::NavSatFix::COVARIANCE_TYPE_DIAGONAL_KNOWN;
+  return message;
+}
+
 /// Files of one recording. They get their final names only when all of them are complete.
 class Files {
  public:
@@ -229,6 +252,7 @@ class Recorder {
         lidar_(*place_.world, *place_.trajectory, model_, sim::draw_lidar_errors(scenario, model_, seed),
                scenario.world.dust_per_m, scenario.lidar, seed),
         imu_(*place_.trajectory, scenario.imu, seed),
+        gnss_(*place_.trajectory, scenario.gnss, seed),
         tum_(files.working(".tum")),
         labels_(files.working(".labels")) {
     bag_.open(files.working(".bag"), rosbag::bagmode::Write);
@@ -239,6 +263,7 @@ class Recorder {
     const int scans = static_cast<int>(scenario_.duration_s * model_.rate_hz);
     const Progress progress(scans);
     first_ = next_ = imu_.next();
+    fix_ = gnss_.next();
     for (int begin = 0; begin < scans; begin += kBatch) {
       const int count = std::min(kBatch, scans - begin);
       std::vector<Scan> batch(static_cast<std::size_t>(count));
@@ -284,22 +309,38 @@ class Recorder {
     labels_.add(scan.stamp, scan.labels);
   }
 
-  /// IMU readings and ground truth that are received before `time`, seconds.
+  /// What the slower streams of messages have received before `time`, seconds.
   void write_until(double time) {
-    while (next_.time_s + kImuLatency < time || odometry_count_ / kOdometryRate < time) {
-      const double odometry_s = odometry_count_ / kOdometryRate;
-      if (odometry_s <= next_.time_s + kImuLatency) {
-        const Stamp stamp = add_seconds(kStart, odometry_s);
-        bag_.write("/ground_truth/odometry", ros_time(stamp),
-                   odometry_message(place_.trajectory->evaluate(odometry_s), stamp));
-        ++odometry_count_;
-        continue;
+    for (;;) {
+      const double imu = next_.time_s + kImuLatency;
+      const double odometry = static_cast<double>(odometry_count_) / kOdometryRate;
+      const double fix =
+          scenario_.gnss.enabled ? fix_.time_s + kGnssLatency : std::numeric_limits<double>::max();
+      const double first = std::min({imu, odometry, fix});
+      if (first >= time) return;
+      if (first == odometry) {
+        write_odometry(odometry);
+      } else if (first == imu) {
+        write_imu();
+      } else {
+        bag_.write("/gps/fix", ros_time(add_seconds(kStart, fix)), fix_message(fix_, scenario_.gnss));
+        fix_ = gnss_.next();
       }
-      const Stamp received = add_seconds(kStart, next_.time_s + kImuLatency);
-      bag_.write("/imu_raw", ros_time(received), imu_message(next_, scenario_.imu));
-      tum_.add(add_seconds(kStart, next_.time_s), place_.trajectory->pose(next_.time_s));
-      next_ = imu_.next();
     }
+  }
+
+  void write_odometry(double time) {
+    const Stamp stamp = add_seconds(kStart, time);
+    bag_.write("/ground_truth/odometry", ros_time(stamp),
+               odometry_message(place_.trajectory->evaluate(time), stamp));
+    ++odometry_count_;
+  }
+
+  void write_imu() {
+    const Stamp received = add_seconds(kStart, next_.time_s + kImuLatency);
+    bag_.write("/imu_raw", ros_time(received), imu_message(next_, scenario_.imu));
+    tum_.add(add_seconds(kStart, next_.time_s), place_.trajectory->pose(next_.time_s));
+    next_ = imu_.next();
   }
 
   sim::Scenario scenario_;
@@ -307,10 +348,12 @@ class Recorder {
   sim::LidarModel model_;
   sim::LidarSimulator lidar_;
   sim::ImuSimulator imu_;
+  sim::GnssSimulator gnss_;
   sim::TumWriter tum_;
   sim::LabelWriter labels_;
   rosbag::Bag bag_;
   sim::ImuReading first_, next_;
+  sim::GnssFix fix_;
   std::int64_t odometry_count_ = 0;
 };
 

@@ -25,6 +25,7 @@ struct LidarModel {
   double min_range_m = 0.9;
   double max_range_m = 120.0;
   double range_at_10_percent_m = 50.0;  ///< where half of the pulses on a surface of reflectivity 0.1 return
+  double intensity_half_range_m = 200.0;  ///< where calibrated intensities have fallen to a half
   double range_noise_m = 0.02;
   double range_quantum_m = 0.002;
   double divergence_rad = 0.002;  ///< full angle

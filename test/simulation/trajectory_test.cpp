@@ -1,0 +1,91 @@
+#include "fdi_lio/simulation/trajectory.hpp"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/simulation/random.hpp"
+#include "fdi_lio/simulation/route.hpp"
+
+namespace fdi_lio::simulation {
+namespace {
+
+Trajectory random_trajectory(std::uint64_t seed) {
+  Random random(seed);
+  std::vector<PoseVector> poses;
+  PoseVector pose = PoseVector::Zero();
+  for (int i = 0; i < 60; ++i) {
+    for (int k = 0; k < 3; ++k) pose[k] += random.uniform(-1.0, 1.0);
+    for (int k = 3; k < 6; ++k) pose[k] = random.uniform(-0.8, 0.8) + (k == 5 ? 0.2 * i : 0.0);
+    poses.push_back(pose);
+  }
+  return Trajectory(poses, 0.25);
+}
+
+class TrajectoryDerivatives : public testing::TestWithParam<std::uint64_t> {};
+
+TEST_P(TrajectoryDerivatives, AgreeWithFiniteDifferences) {
+  const Trajectory trajectory = random_trajectory(GetParam());
+  constexpr double kStep = 1e-5;
+  for (double t = 0.1; t < 14.0; t += 0.137) {
+    const MotionState before = trajectory.evaluate(t - kStep), now = trajectory.evaluate(t),
+                      after = trajectory.evaluate(t + kStep);
+    const Eigen::Vector3d v =
+        (after.T_map_imu.translation() - before.T_map_imu.translation()) / (2.0 * kStep);
+    const Eigen::Vector3d a = (after.v_map - before.v_map) / (2.0 * kStep);
+    const Eigen::Matrix3d turn = before.T_map_imu.linear().transpose() * after.T_map_imu.linear();
+    EXPECT_LT((now.v_map - v).norm(), 1e-6) << t;
+    EXPECT_LT((now.a_map - a).norm(), 1e-5) << t;
+    EXPECT_LT((now.w_imu - so3::log(turn) / (2.0 * kStep)).norm(), 1e-6) << t;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, TrajectoryDerivatives, testing::Values(1, 2, 3));
+
+TEST(Trajectory, AccelerationHasNoJumpsAtKnots) {
+  const Trajectory trajectory = random_trajectory(7);
+  for (int knot = 1; knot < 50; ++knot) {
+    const double t = 0.25 * knot;
+    EXPECT_LT((trajectory.evaluate(t + 1e-9).a_map - trajectory.evaluate(t - 1e-9).a_map).norm(), 1e-5);
+  }
+}
+
+TEST(Trajectory, StandsStillBeyondItsEnds) {
+  const Trajectory trajectory = random_trajectory(9);
+  for (const double t : {-10.0, 100.0}) {
+    EXPECT_LT(trajectory.evaluate(t).v_map.norm(), 1e-12);
+    EXPECT_LT(trajectory.evaluate(t).w_imu.norm(), 1e-12);
+  }
+}
+
+TEST(Drive, KeepsToSpeedAccelerationAndStandstill) {
+  MotionSettings motion;
+  motion.vibration = 0.0;
+  const Route route({{0, 0}, {150, 0}, {150, 100}, {0, 100}}, 10.0, true);
+  const Ground level = [](double, double) { return 0.0; };
+  const Trajectory trajectory = drive(route, level, motion, 20.0, 60.0, 5);
+  for (double t = 0.0; t < motion.stand_s; t += 0.1)
+    EXPECT_LT(trajectory.evaluate(t).v_map.norm(), 0.02) << t;
+  double top_speed = 0.0;
+  for (double t = 0.0; t < 60.0; t += 0.05) {
+    const MotionState state = trajectory.evaluate(t);
+    const Eigen::Vector3d a_imu = state.T_map_imu.linear().transpose() * state.a_map;
+    top_speed = std::max(top_speed, state.v_map.norm());
+    EXPECT_LT(std::abs(a_imu.x()), 3.0) << t;
+    EXPECT_LT(std::abs(a_imu.y()), 3.2) << t;
+    const Eigen::Vector3d v_imu = state.T_map_imu.linear().transpose() * state.v_map;
+    EXPECT_LT(std::abs(v_imu.y()), 0.05 * v_imu.x() + 0.05) << "a car does not slide; t " << t;
+  }
+  EXPECT_NEAR(top_speed, motion.speed_mps, 0.3);
+}
+
+TEST(Drive, ClosedRouteComesBack) {
+  const Route route({{0, 0}, {60, 0}, {60, 40}, {0, 40}}, 8.0, true);
+  const Route::Point first = route.at(10.0), second = route.at(10.0 + route.length());
+  EXPECT_LT((first.position - second.position).norm(), 1e-9);
+  EXPECT_NEAR(second.heading - first.heading, 2.0 * M_PI, 1e-9);
+}
+
+}  // namespace
+}  // namespace fdi_lio::simulation
