@@ -10,5 +10,7 @@ build_dir="${FDI_LIO_BUILD_DIR:-$here/build}"
 echo "== format"
 mapfile -t sources < <(git -C "$here" ls-files '*.cpp' '*.hpp' | sed "s|^|$here/|")
 clang-format --dry-run --Werror "${sources[@]}"
+echo "== tests of the scripts"
+/usr/bin/python3 -m pytest -q "$here/test/scripts"
 echo "== tests"
 ctest --test-dir "$build_dir" --output-on-failure
