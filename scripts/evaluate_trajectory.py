@@ -22,32 +22,62 @@ from fdi_lio_scripts.trajectory_io import SECONDS_PER_UNIT, read_trajectory
 
 def parse_arguments() -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("estimate", help="estimated trajectory: TUM, KITTI or bag (recognised from the content)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "estimate", help="estimated trajectory: TUM, KITTI or bag (recognised from the content)"
+    )
     parser.add_argument("truth", nargs="+", help="ground truth, one or more; each is evaluated by itself")
     pairing = parser.add_argument_group("pairing")
-    pairing.add_argument("--max-diff", type=float, default=0.01, metavar="S", help="largest time difference of a pair [s]")
-    pairing.add_argument("--interpolate", action="store_true", help="interpolate the truth at the estimate's stamps")
-    pairing.add_argument("--once", action="store_true", help="use each pose in one pair at most (evo does not)")
-    pairing.add_argument("--time-offset", type=float, default=0.0, metavar="S", help="added to the estimate's stamps [s]")
-    pairing.add_argument("--max-gap", type=float, default=1.0, metavar="S", help="longest gap that counts as covered [s]")
+    pairing.add_argument(
+        "--max-diff", type=float, default=0.01, metavar="S", help="largest time difference of a pair [s]"
+    )
+    pairing.add_argument(
+        "--interpolate", action="store_true", help="interpolate the truth at the estimate's stamps"
+    )
+    pairing.add_argument(
+        "--once", action="store_true", help="use each pose in one pair at most (evo does not)"
+    )
+    pairing.add_argument(
+        "--time-offset", type=float, default=0.0, metavar="S", help="added to the estimate's stamps [s]"
+    )
+    pairing.add_argument(
+        "--max-gap", type=float, default=1.0, metavar="S", help="longest gap that counts as covered [s]"
+    )
     reading = parser.add_argument_group("reading")
     reading.add_argument("--topic", help="topic of a bag estimate, if it has several with poses")
     reading.add_argument("--truth-topic", help="topic of a bag truth, if it has several with poses")
     reading.add_argument("--kitti-times", metavar="FILE", help="stamps [s] of KITTI files, one a line")
-    reading.add_argument("--rate", type=float, default=10.0, metavar="HZ", help="of KITTI files without --kitti-times")
-    reading.add_argument("--est-unit", choices=list(SECONDS_PER_UNIT), default="s", help="unit of the estimate's stamps")
-    reading.add_argument("--gt-unit", choices=list(SECONDS_PER_UNIT), default="s", help="unit of the truth's stamps")
+    reading.add_argument(
+        "--rate", type=float, default=10.0, metavar="HZ", help="of KITTI files without --kitti-times"
+    )
+    reading.add_argument(
+        "--est-unit", choices=list(SECONDS_PER_UNIT), default="s", help="unit of the estimate's stamps"
+    )
+    reading.add_argument(
+        "--gt-unit", choices=list(SECONDS_PER_UNIT), default="s", help="unit of the truth's stamps"
+    )
     reading.add_argument("--sort", action="store_true", help="sort by stamp and drop repeated stamps")
-    parser.add_argument("--align", choices=MODES, default="se3", help="how the estimate is moved onto the truth")
-    parser.add_argument("--delta", type=int, default=1, metavar="N", help="poses between the two ends of an RPE step")
+    parser.add_argument(
+        "--align", choices=MODES, default="se3", help="how the estimate is moved onto the truth"
+    )
+    parser.add_argument(
+        "--delta", type=int, default=1, metavar="N", help="poses between the two ends of an RPE step"
+    )
     output = parser.add_argument_group("output, besides the table on the terminal")
     output.add_argument("--markdown", metavar="FILE")
     output.add_argument("--json", metavar="FILE")
     output.add_argument("--csv", metavar="FILE")
-    output.add_argument("--plots", metavar="DIR", help="pictures: top and side view, errors over time and on the path")
-    output.add_argument("--degeneracy", metavar="CSV", help="degeneracy.csv of the run: adds the FDI to the plots")
-    output.add_argument("--camera-axes", action="store_true", help="the truth has z forward and y down (KITTI poses)")
+    output.add_argument(
+        "--plots", metavar="DIR", help="pictures: top and side view, errors over time and on the path"
+    )
+    output.add_argument(
+        "--degeneracy", metavar="CSV", help="degeneracy.csv of the run: adds the FDI to the plots"
+    )
+    output.add_argument(
+        "--camera-axes", action="store_true", help="the truth has z forward and y down (KITTI poses)"
+    )
     arguments = parser.parse_args()
     for name, limit in (("max_diff", 0.0), ("rate", 1e-9), ("max_gap", 0.0), ("delta", 1)):
         if not getattr(arguments, name) >= limit:
@@ -58,7 +88,9 @@ def parse_arguments() -> argparse.Namespace:
 def read_all(arguments: argparse.Namespace) -> tuple:
     """The estimate, shifted by the time offset, and the truths."""
     common = {"kitti_times": arguments.kitti_times, "kitti_rate_hz": arguments.rate, "sort": arguments.sort}
-    estimate = read_trajectory(arguments.estimate, topic=arguments.topic, stamp_unit=arguments.est_unit, **common)
+    estimate = read_trajectory(
+        arguments.estimate, topic=arguments.topic, stamp_unit=arguments.est_unit, **common
+    )
     estimate = replace(estimate, stamps=estimate.stamps + arguments.time_offset)
     truths = [
         read_trajectory(path, topic=arguments.truth_topic, stamp_unit=arguments.gt_unit, **common)

@@ -5,10 +5,11 @@
   kitti_to_bag.py --drive ~/kitti/2011_09_30/2011_09_30_drive_0027_sync 0027.bag
   kitti_to_bag.py --clouds ~/scans --rate 10 scans.bag        (.bin or .bin.xz files: lidar only)
 
-Clouds come from the `_sync` folder (they are not motion-corrected there) with ring and time of each point; the 100 Hz
-IMU comes from `_extract`, sorted, without repeated stamps. Topics: /points_raw (stamped with the start of the sweep),
-/imu_raw, /gps/fix. Beside OUT.bag the ground truth of the IMU is written as OUT_imu.tum: x east, y north, z up in
-metres from the first packet. docs/evaluation.md says how times and rings are found and how the truth is made.
+Clouds come from the `_sync` folder (they are not motion-corrected there) with ring and time of each point;
+the 100 Hz IMU comes from `_extract`, sorted, without repeated stamps. Topics: /points_raw (stamped with the
+start of the sweep), /imu_raw, /gps/fix. Beside OUT.bag the ground truth of the IMU is written as OUT_imu.tum:
+x east, y north, z up in metres from the first packet. docs/evaluation.md says how times and rings are found
+and how the truth is made.
 """
 
 import argparse
@@ -34,21 +35,42 @@ FIX_PERIOD_NS = 100_000_000  # the RT3003's position is smooth; 10 Hz is what a 
 
 def parse_arguments() -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument("--sequence", metavar="NN", help="odometry sequence 00 .. 10 (03 has no raw data); needs --raw-root")
+    source.add_argument(
+        "--sequence", metavar="NN", help="odometry sequence 00 .. 10 (03 has no raw data); needs --raw-root"
+    )
     source.add_argument("--drive", type=Path, metavar="DIR", help="a ..._sync folder")
     source.add_argument("--clouds", type=Path, metavar="DIR", help="a folder of NNNNNNNNNN.bin or .bin.xz")
     parser.add_argument("output", help="the bag to write")
-    parser.add_argument("--raw-root", type=Path, metavar="DIR", help="folder that holds 2011_09_26, 2011_09_30, ...")
-    parser.add_argument("--extract", type=Path, metavar="DIR", help="the ..._extract folder, if it is not beside ..._sync")
-    parser.add_argument("--frames", type=int, nargs=2, metavar=("FIRST", "LAST"), help="frames to take, both included")
+    parser.add_argument(
+        "--raw-root", type=Path, metavar="DIR", help="folder that holds 2011_09_26, 2011_09_30, ..."
+    )
+    parser.add_argument(
+        "--extract", type=Path, metavar="DIR", help="the ..._extract folder, if it is not beside ..._sync"
+    )
+    parser.add_argument(
+        "--frames", type=int, nargs=2, metavar=("FIRST", "LAST"), help="frames to take, both included"
+    )
     parser.add_argument("--rate", type=float, default=10.0, metavar="HZ", help="of the scans of --clouds")
-    parser.add_argument("--no-imu", action="store_true", help="go without the 100 Hz IMU of the _extract folder")
-    parser.add_argument("--no-time", action="store_true", help="leave out the field `time` (to test systems without it)")
-    parser.add_argument("--intensity-scale", type=float, default=1.0, metavar="F", help="KITTI has 0..1, drivers 0..255")
-    parser.add_argument("--poses", type=Path, metavar="FILE", help="poses NN.txt of the odometry benchmark: also writes "
-                        "OUT_lidar.tum, the truth of the lidar")
+    parser.add_argument(
+        "--no-imu", action="store_true", help="go without the 100 Hz IMU of the _extract folder"
+    )
+    parser.add_argument(
+        "--no-time", action="store_true", help="leave out the field `time` (to test systems without it)"
+    )
+    parser.add_argument(
+        "--counter-clockwise", action="store_true", help="the head turns the other way (see the docs)"
+    )
+    parser.add_argument(
+        "--intensity-scale", type=float, default=1.0, metavar="F", help="KITTI has 0..1, drivers 0..255"
+    )
+    parser.add_argument(
+        "--poses", type=Path, metavar="FILE",
+        help="the odometry benchmark's NN.txt: also writes OUT_lidar.tum"
+    )
     parser.add_argument("--compression", choices=("none", "lz4", "bz2"), default="none")
     parser.add_argument("--overwrite", action="store_true", help="replace an existing bag")
     arguments = parser.parse_args()
@@ -74,8 +96,12 @@ def open_recording(arguments: argparse.Namespace) -> Recording:
 
 
 def events(recording: Recording) -> Iterator[Tuple[int, str, int]]:
-    """(stamp in ns, topic, index) of all messages in order of time, so that the bag plays back without seeking."""
-    listed: List[Tuple[int, str, int]] = [(s.start_ns, POINTS_TOPIC, i) for i, s in enumerate(recording.scans)]
+    """(stamp in ns, topic, index) of all messages in order of time, so that the bag plays back without
+    seeking.
+    """
+    listed: List[Tuple[int, str, int]] = [
+        (s.start_ns, POINTS_TOPIC, i) for i, s in enumerate(recording.scans)
+    ]
     if recording.oxts is not None:
         next_fix_ns = 0
         for index, stamp in enumerate(recording.oxts.stamps_ns.tolist()):
@@ -90,6 +116,11 @@ def events(recording: Recording) -> Iterator[Tuple[int, str, int]]:
 def write_bag(recording: Recording, arguments: argparse.Namespace) -> Counter:
     """Writes all messages and returns how the rings of the scans were found."""
     ways: Counter = Counter()
+    layout = kitti_messages.CloudOptions(
+        with_time=not arguments.no_time,
+        clockwise=not arguments.counter_clockwise,
+        intensity_scale=arguments.intensity_scale,
+    )
     oxts = recording.oxts
     turned = kitti_messages.quaternions(oxts) if oxts is not None else None
     with BagWriter(arguments.output, arguments.overwrite, arguments.compression) as bag, Progress(
@@ -103,7 +134,7 @@ def write_bag(recording: Recording, arguments: argparse.Namespace) -> Counter:
             else:
                 scan = recording.scans[index]
                 points, how = kitti_messages.structured_points(
-                    kitti_raw.read_scan(scan.file), scan.sweep_s, not arguments.no_time, arguments.intensity_scale
+                    kitti_raw.read_scan(scan.file), scan.sweep_s, layout
                 )
                 ways[how] += 1
                 message = kitti_messages.scan_message(points, stamp)
@@ -124,8 +155,9 @@ def write_imu_truth(recording: Recording, path: str) -> None:
 def write_lidar_truth(recording: Recording, poses_file: Path, path: str) -> None:
     """The odometry benchmark's poses as poses of the lidar, in the frame of the first lidar pose.
 
-    The file holds T_cam0_cam of the rectified camera 0; with T_cam_lidar = R_rect_00 T_velo_to_cam the lidar's pose is
-    T_cam_lidar^-1 T_cam0_cam T_cam_lidar. Each belongs to the time when the head looked forward.
+    The file holds T_cam0_cam of the rectified camera 0; with T_cam_lidar = R_rect_00 T_velo_to_cam the
+    lidar's pose is T_cam_lidar^-1 T_cam0_cam T_cam_lidar. Each belongs to the time when the head looked
+    forward.
     """
     if not poses_file.is_file():
         raise UserError(f"{poses_file}: no such file: check the path")
@@ -133,7 +165,9 @@ def write_lidar_truth(recording: Recording, poses_file: Path, path: str) -> None
     if numbers.ndim != 2 or numbers.shape[1] != KITTI_COLUMNS:
         raise UserError(f"{poses_file}: is no file of KITTI poses (12 numbers a line)")
     if len(numbers) != len(recording.scans):
-        raise UserError(f"{poses_file}: has {len(numbers)} poses for {len(recording.scans)} scans: is it this sequence's?")
+        raise UserError(
+            f"{poses_file}: has {len(numbers)} poses for {len(recording.scans)} scans: is it this sequence's?"
+        )
     folder = recording.calibration_folder
     rectification = kitti_raw.read_calibration(folder / "calib_cam_to_cam.txt").get("R_rect_00", np.empty(0))
     if rectification.size != 9:
@@ -170,9 +204,15 @@ def print_gaps(oxts: kitti_raw.Oxts) -> None:
         return
     print(f"IMU: {len(oxts.stamps_ns)} packets, {len(gaps)} gaps over {REPORTED_GAP_S} s:")
     for stamp, length in gaps[:LISTED_GAPS]:
-        print(f"  {length:.3f} s after {stamp / 1e9:.3f} ({(stamp - oxts.stamps_ns[0]) / 1e9:.2f} s from the start)")
+        print(
+            f"  {length:.3f} s after {stamp / 1e9:.3f} ({(stamp - oxts.stamps_ns[0]) / 1e9:.2f} s from the "
+            "start)"
+        )
     if len(gaps) > LISTED_GAPS:
-        print(f"  and {len(gaps) - LISTED_GAPS} more, the longest of all {max(length for _, length in gaps):.3f} s")
+        print(
+            f"  and {len(gaps) - LISTED_GAPS} more, the longest of all "
+            f"{max(length for _, length in gaps):.3f} s"
+        )
 
 
 def main() -> int:

@@ -3,9 +3,10 @@
 
   subt_mrs_to_bag.py IN.bag [IN2.bag ...] OUT.bag [--ground-truth truth.csv]
 
-The topic of type velodyne_msgs/VelodyneScan is found by its type; the velodyne packages need not be installed. Clouds
-have the fields of the Velodyne driver and are stamped with their first firing. All other topics are copied byte for
-byte. With --ground-truth the table is also written as OUT_truth.tum (stamps in s, ms, us or ns are recognised).
+The topic of type velodyne_msgs/VelodyneScan is found by its type; the velodyne packages need not be
+installed. Clouds have the fields of the Velodyne driver and are stamped with their first firing. All other
+topics are copied byte for byte. With --ground-truth the table is also written as OUT_truth.tum (stamps in s,
+ms, us or ns are recognised).
 """
 
 import argparse
@@ -27,11 +28,15 @@ SCAN_TYPE = "velodyne_msgs/VelodyneScan"
 
 def parse_arguments() -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("bags", nargs="+", metavar="BAG", help="input bags, and last the bag to write")
     parser.add_argument("--scan-topic", help="topic of the packets, if there are several")
     parser.add_argument("--points-topic", default="/velodyne_points", help="topic of the clouds")
-    parser.add_argument("--skip", nargs="+", default=[], metavar="TOPIC", help="topics not to copy, such as cameras")
+    parser.add_argument(
+        "--skip", nargs="+", default=[], metavar="TOPIC", help="topics not to copy, such as cameras"
+    )
     parser.add_argument("--ground-truth", metavar="CSV", help="also write this truth as OUT_truth.tum")
     parser.add_argument("--compression", choices=("none", "lz4", "bz2"), default="none")
     parser.add_argument("--overwrite", action="store_true", help="replace an existing bag")
@@ -53,7 +58,9 @@ def find_scan_topic(paths: List[str], wanted: str) -> str:
     names = ", ".join(sorted(found)) if found else "none"
     if wanted:
         if wanted not in found:
-            raise UserError(f"{' '.join(paths)}: topic {wanted} holds no {SCAN_TYPE}; topics that do: {names}")
+            raise UserError(
+                f"{' '.join(paths)}: topic {wanted} holds no {SCAN_TYPE}; topics that do: {names}"
+            )
         return wanted
     if len(found) != 1:
         hint = "choose one with --scan-topic" if found else "are these SubT-MRS bags?"
@@ -71,7 +78,9 @@ def in_order_of_time(paths: List[str]) -> List[str]:
     return sorted(paths, key=start)
 
 
-def convert_bag(bag: Any, arguments: argparse.Namespace, scan_topic: str, writer: BagWriter, counts: DecodeCounts) -> int:
+def convert_bag(
+    bag: Any, arguments: argparse.Namespace, scan_topic: str, writer: BagWriter, counts: DecodeCounts
+) -> int:
     """Copies one bag, with its packets decoded. Returns the number of scans."""
     scans = 0
     with Progress(bag.get_message_count(), Path(bag.filename).name) as progress:
@@ -104,11 +113,15 @@ def main() -> int:
             with open_bag(path) as bag:
                 scans += convert_bag(bag, arguments, scan_topic, writer, counts)
     print(
-        f"wrote {arguments.output}: {scans} scans of {scan_topic} as {arguments.points_topic}, {counts.points} points; "
-        f"dropped: {counts.no_return} without return, {counts.bad_blocks} bad blocks, {counts.bad_packets} bad packets"
+        f"wrote {arguments.output}: {scans} scans of {scan_topic} as {arguments.points_topic}, "
+        f"{counts.points} points; "
+        f"dropped: {counts.no_return} without return, {counts.bad_blocks} bad blocks, {counts.bad_packets} "
+        "bad packets"
     )
     if counts.dual_packets:
-        print(f"note: {counts.dual_packets} packets hold two returns for each shot: the stronger one was kept")
+        print(
+            f"note: {counts.dual_packets} packets hold two returns for each shot: the stronger one was kept"
+        )
     if truth is not None:
         path = str(Path(arguments.output).with_suffix("")) + "_truth.tum"
         write_tum(path, *truth, f"ground truth of {Path(arguments.ground_truth).name}")

@@ -67,6 +67,8 @@ def yaw_only(source: np.ndarray, target: np.ndarray) -> Alignment:
     """
     mean_source, mean_target = source.mean(axis=0), target.mean(axis=0)
     a, b = source - mean_source, target - mean_target
-    yaw = np.arctan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]))
+    yaw = np.arctan2(
+        np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1])
+    )
     rotation = rotations.from_roll_pitch_yaw(np.zeros(1), np.zeros(1), np.array([yaw]))[0]
     return Alignment(1.0, rotation, mean_target - rotation @ mean_source)

@@ -21,7 +21,9 @@ class Pairs:
     reused: int
 
 
-def associate(estimate: Trajectory, truth: Trajectory, max_diff_s: float, interpolate: bool, once: bool) -> Pairs:
+def associate(
+    estimate: Trajectory, truth: Trajectory, max_diff_s: float, interpolate: bool, once: bool
+) -> Pairs:
     """Pairs by the nearest stamp, or with the truth interpolated at the estimate's stamps."""
     _check_overlap(estimate, truth)
     if interpolate:
@@ -114,7 +116,9 @@ def _check_overlap(estimate: Trajectory, truth: Trajectory) -> None:
     spans = " and ".join(f"{t.name} spans {t.stamps[0]:.3f} .. {t.stamps[-1]:.3f}" for t in (estimate, truth))
     bases = [time_base(t.stamps[0]) for t in (estimate, truth)]
     if bases[0] == bases[1]:
-        raise UserError(f"the trajectories share no time: {spans}: are they of the same recording? (see --time-offset)")
+        raise UserError(
+            f"the trajectories share no time: {spans}: are they of the same recording? (see --time-offset)"
+        )
     raise UserError(
         f"mixed time bases: {spans}: the first looks like {bases[0][0]}, the second like {bases[1][0]}: "
         f"give --est-unit {bases[0][1]} --gt-unit {bases[1][1]}, --kitti-times, or --time-offset"

@@ -17,14 +17,20 @@ def open_bag(path: str) -> Any:
     try:
         return rosbag.Bag(path, "r")
     except rosbag.ROSBagUnindexedException:
-        raise UserError(f"{path}: the bag has no index (the recorder was killed): run 'rosbag reindex {path}'") from None
+        raise UserError(
+            f"{path}: the bag has no index (the recorder was killed): run 'rosbag reindex {path}'"
+        ) from None
     except rosbag.ROSBagException as error:
-        raise UserError(f"{path}: is no readable ROS 1 bag ({error}): check the file, or copy it again") from None
+        raise UserError(
+            f"{path}: is no readable ROS 1 bag ({error}): check the file, or copy it again"
+        ) from None
 
 
 def topics_of_types(bag: Any, types: Sequence[str]) -> List[str]:
     """Names of the topics whose type is one of `types`, in alphabetical order."""
-    return sorted(name for name, info in bag.get_type_and_topic_info().topics.items() if info.msg_type in types)
+    return sorted(
+        name for name, info in bag.get_type_and_topic_info().topics.items() if info.msg_type in types
+    )
 
 
 def import_rosbag() -> Any:

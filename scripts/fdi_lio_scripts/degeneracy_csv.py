@@ -1,4 +1,5 @@
-"""Reads degeneracy.csv: one row a scan, with `stamp`, `fdi`, perhaps `class`, and any other numeric columns."""
+"""Reads degeneracy.csv: one row a scan, with `stamp`, `fdi`, perhaps `class`, and any other numeric columns.
+"""
 
 import csv
 from dataclasses import dataclass
@@ -12,7 +13,9 @@ from .errors import UserError
 
 @dataclass(frozen=True)
 class Degeneracy:
-    """stamps in seconds; fdi in [0, 1]; class names (empty strings without the column); other numeric columns."""
+    """stamps in seconds; fdi in [0, 1]; class names (empty strings without the column); other numeric
+    columns.
+    """
 
     stamps: np.ndarray
     fdi: np.ndarray
@@ -31,16 +34,24 @@ def read_degeneracy(path: str) -> Degeneracy:
     header = [name.strip().lstrip("# ") for name in rows[0]]
     for needed in ("stamp", "fdi"):
         if needed not in header:
-            raise UserError(f"{path}: has no column '{needed}' (it has {', '.join(header)}): is it a degeneracy.csv?")
+            raise UserError(
+                f"{path}: has no column '{needed}' (it has {', '.join(header)}): is it a degeneracy.csv?"
+            )
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(header):
-            raise UserError(f"{path}: line {number} has {len(row)} columns instead of {len(header)}: was it cut short?")
+            raise UserError(
+                f"{path}: line {number} has {len(row)} columns instead of {len(header)}: was it cut short?"
+            )
     columns = {name: [row[i] for row in rows[1:]] for i, name in enumerate(header)}
     classes = [name.strip() for name in columns.pop("class", [""] * (len(rows) - 1))]
-    numbers = {name: values for name, values in ((n, _numbers(c)) for n, c in columns.items()) if values is not None}
+    numbers = {
+        name: values for name, values in ((n, _numbers(c)) for n, c in columns.items()) if values is not None
+    }
     for needed in ("stamp", "fdi"):
         if needed not in numbers:
-            raise UserError(f"{path}: column '{needed}' holds something that is no number: is it a degeneracy.csv?")
+            raise UserError(
+                f"{path}: column '{needed}' holds something that is no number: is it a degeneracy.csv?"
+            )
     return Degeneracy(numbers.pop("stamp"), numbers.pop("fdi"), classes, numbers)
 
 

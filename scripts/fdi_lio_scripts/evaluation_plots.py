@@ -16,7 +16,8 @@ def robot_axes(trajectory: Trajectory) -> Trajectory:
 
 
 def write_plots(
-    evaluation: Evaluation, directory: str, degeneracy: Optional[Degeneracy], prefix: str, camera_axes: bool = False
+    evaluation: Evaluation, directory: str, degeneracy: Optional[Degeneracy], prefix: str,
+    camera_axes: bool = False
 ) -> List[str]:
     """Writes the pictures into `directory`, made if missing, and returns their paths.
 

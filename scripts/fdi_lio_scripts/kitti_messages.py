@@ -1,5 +1,6 @@
 """Turns KITTI's scans and oxts packets into ROS messages."""
 
+from dataclasses import dataclass
 from typing import Any, Tuple
 
 import numpy as np
@@ -7,7 +8,8 @@ import numpy as np
 from . import hdl64, kitti_raw, rotations
 from .ros_messages import VELODYNE_POINT, cloud_message, message_class, ros_time
 
-# Noise of the OXTS RT3003 (data sheet: 0.03 degrees roll and pitch, 0.1 degrees heading), as standard deviations.
+# Noise of the OXTS RT3003 (data sheet: 0.03 degrees roll and pitch, 0.1 degrees heading), as standard
+# deviations.
 ORIENTATION_SD_RAD = np.radians([0.03, 0.03, 0.1])
 ANGULAR_RATE_SD = 0.001  # rad/s: 0.05 degrees/s over the 100 Hz samples
 ACCELERATION_SD = 0.01  # m/s^2: 1 mg
@@ -19,16 +21,26 @@ POINT_DTYPE_WITHOUT_TIME = np.dtype({
 })
 
 
-def structured_points(
-    scan: np.ndarray, sweep_s: float, with_time: bool, intensity_scale: float
-) -> Tuple[np.ndarray, str]:
-    """Points with ring and, if wanted, time in seconds after the start of the sweep; and how the rings were found."""
-    points = np.zeros(len(scan), dtype=VELODYNE_POINT if with_time else POINT_DTYPE_WITHOUT_TIME)
+@dataclass(frozen=True)
+class CloudOptions:
+    """with_time: write the field `time`. clockwise: the way the head turns. intensity_scale: factor on 0..1.
+    """
+
+    with_time: bool = True
+    clockwise: bool = True
+    intensity_scale: float = 1.0
+
+
+def structured_points(scan: np.ndarray, sweep_s: float, options: CloudOptions) -> Tuple[np.ndarray, str]:
+    """Points with ring and, if wanted, time in seconds after the start of the sweep; and how the rings were
+    found.
+    """
+    points = np.zeros(len(scan), dtype=VELODYNE_POINT if options.with_time else POINT_DTYPE_WITHOUT_TIME)
     points["x"], points["y"], points["z"] = scan[:, 0], scan[:, 1], scan[:, 2]
-    points["intensity"] = scan[:, 3] * np.float32(intensity_scale)
+    points["intensity"] = scan[:, 3] * np.float32(options.intensity_scale)
     points["ring"], how = hdl64.rings_of(scan[:, :3])
-    if with_time:
-        points["time"] = sweep_s * hdl64.sweep_share(scan[:, :3])
+    if options.with_time:
+        points["time"] = sweep_s * hdl64.sweep_share(scan[:, :3], options.clockwise)
     return points, how
 
 
@@ -57,12 +69,15 @@ def fix_message(stamp_ns: int, row: np.ndarray) -> Any:
     message = message_class("sensor_msgs/NavSatFix")()
     message.header.stamp = ros_time(stamp_ns)
     message.header.frame_id = "imu_link"  # the OXTS gives the position of the IMU, not of its antenna
-    message.latitude, message.longitude, message.altitude = row[[kitti_raw.LAT, kitti_raw.LON, kitti_raw.ALT]].tolist()
+    message.latitude, message.longitude, message.altitude = row[
+        [kitti_raw.LAT, kitti_raw.LON, kitti_raw.ALT]
+    ].tolist()
     message.status.service = message.status.SERVICE_GPS
     has_fix = row[kitti_raw.SATELLITES] >= 4
     message.status.status = message.status.STATUS_FIX if has_fix else message.status.STATUS_NO_FIX
     variance = row[kitti_raw.POSITION_ACCURACY] ** 2
-    message.position_covariance = _diagonal(np.array([variance, variance, 4.0 * variance]))  # heights are worse
+    # heights are worse
+    message.position_covariance = _diagonal(np.array([variance, variance, 4.0 * variance]))
     message.position_covariance_type = message.COVARIANCE_TYPE_APPROXIMATED
     return message
 

@@ -22,7 +22,8 @@ EARTH_RADIUS_M = 6378137.0
 
 
 def read_stamps(file: Path) -> List[Optional[int]]:
-    """Nanoseconds since 1970 of each line `YYYY-MM-DD hh:mm:ss.nnnnnnnnn`; None for an empty line (a lost frame).
+    """Nanoseconds since 1970 of each line `YYYY-MM-DD hh:mm:ss.nnnnnnnnn`; None for an empty line (a lost
+    frame).
 
     The files give no time zone; the times are taken as UTC, which only shifts all streams together.
     """
@@ -57,7 +58,9 @@ def read_scan(file: Path) -> np.ndarray:
     except (lzma.LZMAError, EOFError):
         raise UserError(f"{file}: is no complete xz file: copy it again") from None
     if len(data) % 16:
-        raise UserError(f"{file}: {len(data)} bytes are no whole number of points (16 bytes each): copy it again")
+        raise UserError(
+            f"{file}: {len(data)} bytes are no whole number of points (16 bytes each): copy it again"
+        )
     return np.frombuffer(data, dtype="<f4").reshape(-1, 4)
 
 
@@ -148,10 +151,14 @@ def read_calibration(file: Path) -> Dict[str, np.ndarray]:
 
 
 def rigid_transform(file: Path) -> np.ndarray:
-    """The 4x4 matrix of a calibration file with R and T: p_second = R p_first + T for calib_first_to_second.txt."""
+    """The 4x4 matrix of a calibration file with R and T: p_second = R p_first + T for
+    calib_first_to_second.txt.
+    """
     entries = read_calibration(file)
     if entries.get("R", np.empty(0)).size != 9 or entries.get("T", np.empty(0)).size != 3:
-        raise UserError(f"{file}: has no R (9 numbers) and T (3 numbers): is it a KITTI raw calibration file?")
+        raise UserError(
+            f"{file}: has no R (9 numbers) and T (3 numbers): is it a KITTI raw calibration file?"
+        )
     matrix = np.eye(4)
     matrix[:3, :3] = entries["R"].reshape(3, 3)
     matrix[:3, 3] = entries["T"]

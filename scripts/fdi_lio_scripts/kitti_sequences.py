@@ -1,7 +1,7 @@
 """Which raw drive and which of its frames each KITTI odometry sequence consists of.
 
-From the development kit of the odometry benchmark (devkit_raw_data_conversion: "mapping.txt"). Frame numbers are
-those of the `_sync` folders, both ends included.
+From the development kit of the odometry benchmark (devkit_raw_data_conversion: "mapping.txt"). Frame numbers
+are those of the `_sync` folders, both ends included.
 """
 
 from dataclasses import dataclass
@@ -46,7 +46,8 @@ def sequence_range(sequence: str) -> DriveRange:
         raise UserError(f"--sequence {sequence}: only 00 to 10 have public ground truth and a known drive")
     if name == WITHOUT_RAW_DATA:
         raise UserError(
-            f"--sequence 03: its raw data ({SEQUENCES[name].drive}) was withdrawn from the KITTI site: choose another "
+            f"--sequence 03: its raw data ({SEQUENCES[name].drive}) was withdrawn from the KITTI site: "
+            "choose another "
             "sequence, or give a copy of the drive with --drive"
         )
     return SEQUENCES[name]

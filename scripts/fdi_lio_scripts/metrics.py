@@ -18,7 +18,8 @@ def statistics(errors: np.ndarray) -> Dict[str, float]:
     """rmse, mean, median, std (population), min, max, and sse, the sum of squares."""
     squares = errors**2
     values = (
-        np.sqrt(squares.mean()), errors.mean(), np.median(errors), errors.std(), errors.min(), errors.max(), squares.sum()
+        np.sqrt(squares.mean()), errors.mean(), np.median(errors), errors.std(), errors.min(), errors.max(),
+        squares.sum()
     )
     return dict(zip(STATISTICS, map(float, values)))
 
@@ -44,7 +45,9 @@ class RelativeErrors:
     rotation_deg: np.ndarray
 
 
-def relative_errors(estimate: Trajectory, truth: Trajectory, first: np.ndarray, last: np.ndarray) -> RelativeErrors:
+def relative_errors(
+    estimate: Trajectory, truth: Trajectory, first: np.ndarray, last: np.ndarray
+) -> RelativeErrors:
     """E = (Q_i^-1 Q_j)^-1 (P_i^-1 P_j) with truth Q and estimate P; its translation and its angle."""
     rotation_q, step_q = _motions(truth, first, last)
     rotation_p, step_p = _motions(estimate, first, last)
@@ -70,7 +73,9 @@ def consecutive_errors(estimate: Trajectory, truth: Trajectory, delta: int) -> R
 
 @dataclass(frozen=True)
 class SegmentErrors:
-    """Mean relative errors over path segments of the truth; `length_m` 0 stands for the mean over all lengths."""
+    """Mean relative errors over path segments of the truth; `length_m` 0 stands for the mean over all
+    lengths.
+    """
 
     length_m: float
     segments: int
@@ -78,11 +83,13 @@ class SegmentErrors:
     rotation_deg_per_100m: float
 
 
-def segment_errors(estimate: Trajectory, truth: Trajectory, lengths_m: Sequence[float]) -> List[SegmentErrors]:
+def segment_errors(
+    estimate: Trajectory, truth: Trajectory, lengths_m: Sequence[float]
+) -> List[SegmentErrors]:
     """The KITTI odometry metric: a row for each length that fits, and last the mean over all segments.
 
-    A segment starts at every tenth pose and ends at the first pose whose path length along the truth is more than
-    `length` further on. Errors are divided by `length`. Empty if no segment fits.
+    A segment starts at every tenth pose and ends at the first pose whose path length along the truth is more
+    than `length` further on. Errors are divided by `length`. Empty if no segment fits.
     """
     distances = truth.distances_m()
     starts = np.arange(0, len(truth), KITTI_STEP)

@@ -23,14 +23,17 @@ OTHER_CLASS_COLOUR = "#cccccc"
 
 plt.rcParams.update({
     "figure.dpi": 110, "font.size": 10, "axes.grid": True, "grid.alpha": 0.3, "axes.axisbelow": True,
-    "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False, "figure.constrained_layout.use": True,
+    "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False,
+    "figure.constrained_layout.use": True,
 })
 
 
 def new_figure(width_in: float, height_in: float, rows: int = 1, heights: Optional[List[float]] = None):
     """A figure and its axes, one below the other with a common x axis."""
     return plt.subplots(
-        rows, 1, figsize=(width_in, height_in), sharex=rows > 1, gridspec_kw={"height_ratios": heights or [1] * rows}
+        rows, 1, figsize=(width_in, height_in), sharex=rows > 1, gridspec_kw={
+            "height_ratios": heights or [1] * rows
+        }
     )
 
 
@@ -43,12 +46,24 @@ def save(figure: Figure, path: str) -> None:
 def path_view(axes: Axes, vertical: int, estimate: Trajectory, truth: Optional[Trajectory]) -> None:
     """The path with x to the right and `vertical` (1: y, top view; 2: z, side view) upwards, in metres.
 
-    The top view has equal scales. In the side view heights are a few metres over a path of hundreds, so there the
-    scales differ, which the label says.
+    The top view has equal scales. In the side view heights are a few metres over a path of hundreds, so there
+    the scales differ, which the label says.
     """
     if truth is not None:
-        axes.plot(truth.positions[:, 0], truth.positions[:, vertical], color=TRUTH_COLOUR, lw=3.5, label="ground truth")
-    axes.plot(estimate.positions[:, 0], estimate.positions[:, vertical], color=ESTIMATE_COLOUR, lw=1.2, label="estimate")
+        axes.plot(
+            truth.positions[:, 0],
+            truth.positions[:, vertical],
+            color=TRUTH_COLOUR,
+            lw=3.5,
+            label="ground truth",
+        )
+    axes.plot(
+        estimate.positions[:, 0],
+        estimate.positions[:, vertical],
+        color=ESTIMATE_COLOUR,
+        lw=1.2,
+        label="estimate",
+    )
     axes.plot(*estimate.positions[0, [0, vertical]], "o", color=ESTIMATE_COLOUR, ms=6, label="start")
     axes.set_xlabel("x [m]")
     if vertical == 1:
@@ -106,10 +121,14 @@ def fdi_over_time(axes: Axes, degeneracy: Degeneracy, start_s: float) -> None:
     axes.set_ylabel("FDI")
     handles: Dict[str, object] = {}
     for name in dict.fromkeys(name for name in degeneracy.classes if name):
-        handles[name] = plt.Rectangle((0, 0), 1, 1, color=CLASS_COLOURS.get(name, OTHER_CLASS_COLOUR), alpha=0.55)
+        handles[name] = plt.Rectangle(
+            (0, 0), 1, 1, color=CLASS_COLOURS.get(name, OTHER_CLASS_COLOUR), alpha=0.55
+        )
     if handles:
         # above the curve, which may be anywhere between 0 and 1
-        axes.legend(handles.values(), handles.keys(), loc="lower left", bbox_to_anchor=(0, 1), ncol=len(handles))
+        axes.legend(
+            handles.values(), handles.keys(), loc="lower left", bbox_to_anchor=(0, 1), ncol=len(handles)
+        )
 
 
 def class_spans(classes: List[str]) -> List[tuple]:
@@ -121,3 +140,34 @@ def class_spans(classes: List[str]) -> List[tuple]:
         else:
             spans.append((index, index, name))
     return [span for span in spans if span[2]]
+
+
+def colour_map(name: str) -> object:
+    """A colour map whose NaN pixels stay clear."""
+    colours = matplotlib.colormaps[name].copy()
+    colours.set_bad(alpha=0.0)
+    return colours
+
+
+def sub_factors_over_time(axes: Axes, degeneracy: Degeneracy, names: List[str], start_s: float) -> None:
+    """Several columns between 0 and 1 in one picture."""
+    for name in names:
+        axes.plot(degeneracy.stamps - start_s, degeneracy.others[name], lw=1, label=name)
+    axes.set_ylim(-0.02, 1.02)
+    axes.set_ylabel("sub-factors")
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncol=len(names))
+
+
+def small_multiples(columns: Dict[str, np.ndarray], seconds: np.ndarray) -> Figure:
+    """One small picture for each column over a common time axis, two side by side."""
+    rows = -(-len(columns) // 2)
+    figure, axes = plt.subplots(rows, 2, figsize=(10.0, 1.5 * rows + 0.4), sharex=True, squeeze=False)
+    for axis, (name, values) in zip(axes.flat, columns.items()):
+        axis.plot(seconds, values, lw=0.8, color=ESTIMATE_COLOUR)
+        axis.set_title(name, fontsize=9, loc="left")
+        axis.tick_params(labelsize=8)
+    for axis in axes.flat[len(columns):]:
+        axis.set_visible(False)
+    for axis in axes[-1]:
+        axis.set_xlabel("time [s]")
+    return figure

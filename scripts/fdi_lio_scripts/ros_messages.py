@@ -23,8 +23,8 @@ FIELD_TYPES = {"<u2": 4, "<f4": 7}  # sensor_msgs/PointField: UINT16, FLOAT32
 def message_class(type_name: str) -> Any:
     """The Python class of a message type such as "sensor_msgs/Imu".
 
-    Debian ships the Python classes apart from the definitions (python3-sensor-msgs); where they are missing the
-    class is generated from the .msg files, as rosbag does with the definitions in a bag.
+    Debian ships the Python classes apart from the definitions (python3-sensor-msgs); where they are missing
+    the class is generated from the .msg files, as rosbag does with the definitions in a bag.
     """
     import roslib.message  # pylint: disable=import-outside-toplevel  (only conversions need ROS)
 

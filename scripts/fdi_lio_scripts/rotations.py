@@ -31,7 +31,9 @@ def from_matrices(matrices: np.ndarray) -> np.ndarray:
     """
     m = np.asarray(matrices, dtype=float)
     trace = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
-    four_squares = np.stack([2 * m[:, 0, 0] - trace, 2 * m[:, 1, 1] - trace, 2 * m[:, 2, 2] - trace, trace], axis=1) + 1
+    four_squares = np.stack(
+        [2 * m[:, 0, 0] - trace, 2 * m[:, 1, 1] - trace, 2 * m[:, 2, 2] - trace, trace], axis=1
+    ) + 1
     yz, zx, xy = m[:, 2, 1], m[:, 0, 2], m[:, 1, 0]
     zy, xz, yx = m[:, 1, 2], m[:, 2, 0], m[:, 0, 1]
     # products[n, i, j] = 4 q_i q_j in the order x, y, z, w
@@ -66,7 +68,8 @@ def angles_deg(matrices: np.ndarray) -> np.ndarray:
 
 
 def slerp(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Spherical interpolation, row by row: `share` 0 gives `first`, 1 gives `second`, the shorter way round."""
+    """Spherical interpolation, row by row: `share` 0 gives `first`, 1 gives `second`, the shorter way round.
+    """
     dot = np.sum(first * second, axis=1)
     second = np.where(dot[:, None] < 0, -second, second)
     angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
@@ -81,7 +84,7 @@ def slerp(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarra
 
 def from_roll_pitch_yaw(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """Rotation matrices R = Rz(yaw) Ry(pitch) Rx(roll) (angles in rad), N x 3 x 3."""
-    cr, sr, cp, sp, cy, sy = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
+    (cr, cp, cy), (sr, sp, sy) = (f([roll, pitch, yaw]) for f in (np.cos, np.sin))
     rows = [
         cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
         sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,

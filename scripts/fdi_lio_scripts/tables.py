@@ -26,7 +26,11 @@ def result_rows(evaluations: Sequence[Evaluation]) -> List[Row]:
     for key, label in (("ate_m", "ATE {} [m]"), ("rotation_deg", "rotation {} [deg]")):
         rows += [(_label(label, name), [_figure(s[key], name) for s in summaries]) for name in STATISTICS]
     for key, label in (("rpe_translation_m", "RPE {} [m]"), ("rpe_rotation_deg", "RPE {} [deg]")):
-        rows += [(label.format(name), [_figure(s[key], name) for s in summaries]) for name in ("rmse", "mean", "max")]
+        rows += [
+            (label.format(name), [_figure(s[key], name) for s in summaries]) for name in (
+                "rmse", "mean", "max"
+            )
+        ]
     for key, label in (("kitti_segments", "KITTI"), ("short_segments", "short segments")):
         rows += _segment_rows(label, [s[key] for s in summaries])
     return rows
@@ -44,7 +48,9 @@ def _figure(values: Any, name: str) -> str:
 
 def _segment_rows(label: str, columns: Sequence[List[Dict[str, Any]]]) -> List[Row]:
     """Rows of the relative errors: the lengths that any column has, then their mean."""
-    lengths = sorted({row["length_m"] for column in columns for row in column}, key=lambda length: length or 1e9)
+    lengths = sorted(
+        {row["length_m"] for column in columns for row in column}, key=lambda length: length or 1e9
+    )
     rows: List[Row] = []
     for length in lengths:
         name = f"{length:.0f} m" if length else "mean"
@@ -68,11 +74,17 @@ def notes(evaluations: Sequence[Evaluation]) -> List[str]:
     for evaluation in evaluations:
         name = evaluation.truth.name
         if evaluation.pairs.reused:
-            lines.append(f"{name}: {evaluation.pairs.reused} poses were nearest to more than one (--once prevents it)")
+            lines.append(
+                f"{name}: {evaluation.pairs.reused} poses were nearest to more than one (--once prevents it)"
+            )
         if evaluation.kitti and evaluation.short_segments:
-            lines.append(f"{name}: the path is shorter than 800 m: segments of 10, 20, 50 m are given beside KITTI's")
+            lines.append(
+                f"{name}: the path is shorter than 800 m: segments of 10, 20, 50 m are given beside KITTI's"
+            )
         elif evaluation.short_segments:
-            lines.append(f"{name}: the path is too short for KITTI's segments (100 m and more): 10, 20, 50 m instead")
+            lines.append(
+                f"{name}: the path is too short for KITTI's segments (100 m and more): 10, 20, 50 m instead"
+            )
         elif not evaluation.kitti:
             lines.append(f"{name}: the path is too short for relative errors over segments")
     return lines

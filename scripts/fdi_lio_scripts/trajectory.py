@@ -49,8 +49,8 @@ class Trajectory:
 def checked(name: str, rows: np.ndarray, places: np.ndarray, sort: bool = False) -> Trajectory:
     """Makes a trajectory of rows `stamp x y z qx qy qz qw`, or explains which row is bad.
 
-    `places` holds the line or message number of each row, for the messages. `sort` puts rows in order of time and
-    keeps the first of those with equal stamps; without it both are errors.
+    `places` holds the line or message number of each row, for the messages. `sort` puts rows in order of time
+    and keeps the first of those with equal stamps; without it both are errors.
     """
     if len(rows) == 0:
         raise UserError(f"{name}: holds no poses: check that the recording or the run wrote any")

@@ -28,7 +28,8 @@ def read_trajectory(
     """Reads a trajectory whose format is recognised from its content.
 
     topic: of a bag; may be left out when only one topic has poses.
-    kitti_times: file with one stamp in seconds a line; without it row i of a KITTI file is at i / kitti_rate_hz.
+    kitti_times: file with one stamp in seconds a line; without it row i of a KITTI file is at i /
+    kitti_rate_hz.
     stamp_unit: of the stamps in a TUM file ("s", "ms", "us", "ns").
     """
     file = Path(path)
@@ -49,8 +50,12 @@ def is_bag(file: Path) -> bool:
         return stream.read(len(BAG_MAGIC)) == BAG_MAGIC
 
 
-def write_tum(path: str, stamps_ns: np.ndarray, positions: np.ndarray, quaternions: np.ndarray, comment: str) -> None:
-    """Writes `stamp tx ty tz qx qy qz qw`; stamps are integer nanoseconds, so that none of their digits is lost."""
+def write_tum(
+    path: str, stamps_ns: np.ndarray, positions: np.ndarray, quaternions: np.ndarray, comment: str
+) -> None:
+    """Writes `stamp tx ty tz qx qy qz qw`; stamps are integer nanoseconds, so that none of their digits is
+    lost.
+    """
     with open(path, "w", encoding="utf-8") as stream:
         stream.write(f"# {comment}\n# stamp[s] tx ty tz[m] qx qy qz qw\n")
         for stamp, t, q in zip(stamps_ns.tolist(), positions.tolist(), quaternions.tolist()):
@@ -66,7 +71,8 @@ def pose_rows_of_kitti(matrices: np.ndarray, stamps: np.ndarray) -> np.ndarray:
 
 
 def read_numbers(file: Path) -> Tuple[np.ndarray, np.ndarray]:
-    """The numbers of a text file (blank or comma between them, # comments) and the line number of each row."""
+    """The numbers of a text file (blank or comma between them, # comments) and the line number of each row.
+    """
     rows: List[List[float]] = []
     places: List[int] = []
     try:
@@ -84,7 +90,8 @@ def read_numbers(file: Path) -> Tuple[np.ndarray, np.ndarray]:
         places.append(number)
         if len(rows[-1]) != len(rows[0]):
             raise UserError(
-                f"{file}: line {number} has {len(rows[-1])} numbers where line {places[0]} has {len(rows[0])}: "
+                f"{file}: line {number} has {len(rows[-1])} numbers where line {places[0]} has "
+                f"{len(rows[0])}: "
                 "the file may be cut short; remove or mend that line"
             )
     return np.array(rows, dtype=float), np.array(places)
@@ -100,21 +107,28 @@ def _read_text(file: Path, kitti_times: Optional[str], rate_hz: float) -> Tuple[
         return numbers, places
     if columns != KITTI_COLUMNS:
         raise UserError(
-            f"{file}: has {columns} columns: TUM has 8 (stamp tx ty tz qx qy qz qw), KITTI has 12 (3x4 matrix)"
+            f"{file}: has {columns} columns: TUM has 8 (stamp tx ty tz qx qy qz qw), KITTI has 12 (3x4 "
+            "matrix)"
         )
     stamps = np.arange(len(numbers)) / rate_hz
     if kitti_times is not None:
         times, _ = read_numbers(Path(kitti_times))
         if times.size != len(numbers):
-            raise UserError(f"{kitti_times}: has {times.size} times for {len(numbers)} poses of {file}: they must match")
+            raise UserError(
+                f"{kitti_times}: has {times.size} times for {len(numbers)} poses of {file}: they must match"
+            )
         stamps = times.reshape(-1)
     if not np.isfinite(numbers).all():
         bad = places[np.flatnonzero(~np.isfinite(numbers).all(axis=1))[0]]
-        raise UserError(f"{file}: the pose at line {bad} is NaN or infinite: remove it or find out why it failed")
+        raise UserError(
+            f"{file}: the pose at line {bad} is NaN or infinite: remove it or find out why it failed"
+        )
     determinants = np.linalg.det(numbers.reshape(-1, 3, 4)[:, :, :3])
     if np.abs(determinants - 1.0).max() > 0.01:
         bad = places[int(np.argmax(np.abs(determinants - 1.0)))]
-        raise UserError(f"{file}: line {bad} holds no rotation matrix: KITTI rows are r11 r12 r13 tx r21 ... tz")
+        raise UserError(
+            f"{file}: line {bad} holds no rotation matrix: KITTI rows are r11 r12 r13 tx r21 ... tz"
+        )
     return pose_rows_of_kitti(numbers, stamps), places
 
 
@@ -125,7 +139,9 @@ def _read_bag(path: str, topic: Optional[str]) -> Tuple[np.ndarray, np.ndarray]:
         if topic is None:
             if len(topics) != 1:
                 found = ", ".join(topics) if topics else "none"
-                raise UserError(f"{path}: has {len(topics)} topics with poses ({found}): choose one with --topic")
+                raise UserError(
+                    f"{path}: has {len(topics)} topics with poses ({found}): choose one with --topic"
+                )
             topic = topics[0]
         elif topic not in topics:
             found = ", ".join(topics) if topics else "none"

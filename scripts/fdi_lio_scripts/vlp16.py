@@ -1,7 +1,8 @@
 """Decodes packets of a Velodyne VLP-16.
 
-All numbers are of the VLP-16 User Manual (63-9243): chapter 9 for the packet, the timing and the geometry. Points come
-out in the axes of the ROS driver: x forward (azimuth 0), y left, z up; the azimuth counts clockwise.
+All numbers are of the VLP-16 User Manual (63-9243): chapter 9 for the packet, the timing and the geometry.
+Points come out in the axes of the ROS driver: x forward (azimuth 0), y left, z up; the azimuth counts
+clockwise.
 """
 
 from dataclasses import dataclass
@@ -28,10 +29,14 @@ MAX_BLOCK_TURN_UNITS = 200
 
 RETURN_MODE_STRONGEST, RETURN_MODE_LAST, RETURN_MODE_DUAL = 0x37, 0x38, 0x39
 PRODUCT_VLP16 = 0x22
-PRODUCT_NAMES = {0x21: "HDL-32E", 0x22: "VLP-16", 0x24: "Puck Hi-Res", 0x28: "VLP-32C", 0x31: "Velarray", 0xA1: "VLS-128"}
+PRODUCT_NAMES = {
+    0x21: "HDL-32E", 0x22: "VLP-16", 0x24: "Puck Hi-Res", 0x28: "VLP-32C", 0x31: "Velarray", 0xA1: "VLS-128"
+}
 
 # In the order of firing: laser 0, 1, ... 15.
-VERTICAL_ANGLE_DEG = np.array([-15.0, 1.0, -13.0, 3.0, -11.0, 5.0, -9.0, 7.0, -7.0, 9.0, -5.0, 11.0, -3.0, 13.0, -1.0, 15.0])
+VERTICAL_ANGLE_DEG = np.array(
+    [-15.0, 1.0, -13.0, 3.0, -11.0, 5.0, -9.0, 7.0, -7.0, 9.0, -5.0, 11.0, -3.0, 13.0, -1.0, 15.0]
+)
 # Height of each laser above the sensor's centre, added to z.
 VERTICAL_CORRECTION_M = 1e-3 * np.array(
     [11.2, -0.7, 9.7, -2.2, 8.1, -3.7, 6.6, -5.1, 5.1, -6.6, 3.7, -8.1, 2.2, -9.7, 0.7, -11.2]
@@ -87,8 +92,8 @@ def decode_scan(packets: Sequence[Tuple[int, bytes]], counts: DecodeCounts) -> T
 def strongest_of_pairs(blocks: np.ndarray) -> np.ndarray:
     """Packets in dual mode hold two blocks for each azimuth, the last and the strongest return.
 
-    When the last is the strongest, the other block holds the second strongest. So of each pair the return with the
-    higher reflectivity is kept, and the last one where both are equal.
+    When the last is the strongest, the other block holds the second strongest. So of each pair the return
+    with the higher reflectivity is kept, and the last one where both are equal.
     """
     last, other = blocks[:, 0::2], blocks[:, 1::2]
     kept = last.copy()
@@ -134,8 +139,8 @@ def _decode(blocks: np.ndarray, starts_s: np.ndarray, counts: DecodeCounts) -> n
 def block_turns(azimuth: np.ndarray, good: np.ndarray) -> np.ndarray:
     """How far the head turns from each block to the next, in azimuth units: packets x blocks.
 
-    The last block of a packet takes the turn of the one before. Where a neighbour is bad or the azimuth jumps (lost
-    packets are between packets, but a bad block is inside), the median of the scan is taken.
+    The last block of a packet takes the turn of the one before. Where a neighbour is bad or the azimuth jumps
+    (lost packets are between packets, but a bad block is inside), the median of the scan is taken.
     """
     turn = np.diff(azimuth, axis=1) % AZIMUTH_UNITS_PER_TURN
     valid = good[:, 1:] & good[:, :-1] & (turn <= MAX_BLOCK_TURN_UNITS)
@@ -149,4 +154,6 @@ def _check_product(products: np.ndarray) -> None:
     for product in np.unique(products):
         if product not in (0, PRODUCT_VLP16):
             name = PRODUCT_NAMES.get(int(product), f"product 0x{int(product):02x}")
-            raise UserError(f"the packets come from a {name}: only the VLP-16 can be decoded; use its own driver")
+            raise UserError(
+                f"the packets come from a {name}: only the VLP-16 can be decoded; use its own driver"
+            )

@@ -125,6 +125,9 @@ void MappingConfig::visit(ParameterVisitor& v) {
          10.0);
   v.real({"mapping.robust_scale", "", "Cauchy scale in standard deviations of a residual"}, robust_scale, 0.1,
          100.0);
+  v.real({"mapping.max_deviation", "",
+          "after the first round, matches that deviate by more standard deviations are rejected"},
+         max_deviation, 1.0, 1e9);
   v.real({"mapping.surface_roughness", "m", "deviation of real surfaces from the map's planes"},
          surface_roughness_m, 0.0, 0.5);
   v.real({"mapping.correlation_factor", "",

@@ -68,6 +68,7 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const VoxelMap&
     const double tangential_sq = beam.squaredNorm() - std::pow(beam.dot(normal_imu), 2);
     const double variance = range_variance_ + angle_variance_ * tangential_sq + cell.variances[axis] +
                             surface_variance(cell, offset, axis);
+    if (residual * residual > settings.max_deviation * settings.max_deviation * variance) return;
     const double information = weight * robust_weight(residual, variance, mapping_.robust_scale) / variance;
     Vector6d jacobian;
     jacobian << p_imu.cross(normal_imu), normal;

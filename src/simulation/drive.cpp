@@ -111,8 +111,8 @@ Trajectory walk(const Route& route, const Ground& ground, const MotionSettings& 
   const std::vector<double> progress =
       plan_progress(route, motion, start, duration + kLookaheadS, kKnotPeriod);
   Random random(seed, kStreamMotion);
-  // Three sines of about half the size each seldom add up: their peak is about 1.1 times the size.
-  const double size = motion.shake_rad_s / (1.1 * 2.0 * M_PI * kMeanHz);
+  // The peak of the three axes together, with the turns of the way, is about 1.8 times that of one mean sine.
+  const double size = motion.shake_rad_s / (1.8 * 2.0 * M_PI * kMeanHz);
   const Wobble yaw(size, 0.3, 1.0, &random);
   const Wobble pitch(std::min(0.5 * size, kPitchLimit), 0.3, 1.0, &random);
   const Wobble roll(0.35 * size, 0.3, 1.0, &random);

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <utility>
 
 #include "fdi_lio/simulation/city.hpp"
 #include "fdi_lio/simulation/sweep.hpp"
@@ -15,6 +16,8 @@ constexpr double kLaneWidth = 3.6;
 constexpr double kMedian = 2.2;                                // half width of the median strip, metres
 constexpr double kCarriageway = 0.8 + 3.0 * kLaneWidth + 2.6;  // verge, three lanes, hard shoulder
 constexpr double kEdge = kMedian + kCarriageway;
+
+constexpr int kOwnLane = 1;
 
 /// Distance of a lane's middle from the axis; lane 0 is the fast one next to the median.
 double lane_offset(int lane) { return kMedian + 0.8 + (lane + 0.5) * kLaneWidth; }
@@ -122,21 +125,47 @@ PoseFunction oncoming(const Route& axis, const Ground& ground, double start, dou
   };
 }
 
+/// A place in the traffic around the sensor: each lane has one speed, so that nobody runs into another.
+struct Slot {
+  int lane;
+  double ahead;
+};
+
+std::vector<Slot> draw_slots(Random* r) {
+  constexpr double kSpacing = 20.0;
+  constexpr double kBehind = -80.0, kAhead = 110.0;
+  std::vector<Slot> slots;
+  for (int lane = 0; lane < 3; ++lane) {
+    for (double ahead = kBehind; ahead < kAhead; ahead += kSpacing) {
+      if (lane == kOwnLane && std::abs(ahead) < kSpacing) continue;
+      slots.push_back({lane, ahead + r->uniform(-4.0, 4.0)});
+    }
+  }
+  for (std::size_t i = slots.size(); i > 1; --i)
+    std::swap(slots[i - 1], slots[static_cast<std::size_t>(r->index(static_cast<int>(i)))]);
+  return slots;
+}
+
+/// Two thirds of the cars drive along with the sensor, at nearly its speed, so that they stay in view for
+/// long.
 void add_traffic(WorldBuilder* b, const PropMaterials& m, const Scenario& scenario, const Route& axis,
                  const Ground& ground, double start, const Trajectory& own) {
   Random& r = b->random;
+  const double factors[3] = {r.uniform(1.01, 1.06), 1.0, r.uniform(0.93, 0.99)};
+  std::vector<Slot> slots = draw_slots(&r);
   for (int i = 0; i < b->settings.cars; ++i) {
     const CarKind kind = r.chance(0.25) ? CarKind::kTruck : draw_car_kind(&r);
     PoseFunction pose;
-    if (i % 3 == 2) {
-      pose = oncoming(axis, ground, r.uniform(0.2, 1.9) * axis.length(), r.uniform(24.0, 36.0), r.index(3));
+    if (i % 3 == 2 || slots.empty()) {
+      pose = oncoming(axis, ground, r.uniform(0.2, 1.9) * axis.length(), 30.0 - 2.5 * (i % 3), r.index(3));
     } else {
-      // Nearly the sensor's own speed: it stays in view for long.
+      const Slot slot = slots.back();
+      slots.pop_back();
       MotionSettings motion = scenario.motion;
-      motion.speed_mps *= r.uniform(0.97, 1.03);
-      const Route lane(parallel_points(axis, 0.0, axis.length(), -lane_offset(r.index(3)), 60.0), 1500.0,
+      motion.speed_mps *= factors[slot.lane];
+      const Route lane(parallel_points(axis, 0.0, axis.length(), -lane_offset(slot.lane), 60.0), 1500.0,
                        false);
-      pose = convoy_drive(lane, motion, ground, scenario.duration_s, start + r.uniform(-70.0, 90.0));
+      pose = convoy_drive(lane, motion, ground, scenario.duration_s, start + slot.ahead);
     }
     if (!comes_near(pose, own, 3.2)) b->add_object(make_moving_car(b, m, kind, pose));
   }
@@ -152,7 +181,7 @@ Place make_highway(const Scenario& scenario, std::uint64_t seed) {
   const Route axis = draw_axis(kStart + scenario.motion.speed_mps * scenario.duration_s + 250.0, &b.random);
   add_surfaces(&b, axis, ground);
   add_roadside(&b, materials, axis, ground);
-  const Route way(parallel_points(axis, 0.0, axis.length(), -lane_offset(1), 60.0), 1500.0, false);
+  const Route way(parallel_points(axis, 0.0, axis.length(), -lane_offset(kOwnLane), 60.0), 1500.0, false);
   Place place;
   place.trajectory =
       std::make_unique<Trajectory>(drive(way, ground, scenario.motion, kStart, scenario.duration_s, seed));

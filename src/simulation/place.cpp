@@ -5,6 +5,11 @@ namespace fdi_lio::simulation {
 
 Place make_place(const Scenario& scenario, std::uint64_t seed) {
   const std::string& type = scenario.world.type;
+  if (scenario.motion.type == "kitti") {
+    if (type != "street")
+      throw Error("motion.type kitti needs world.type street: houses are set along the poses");
+    return make_kitti_city(scenario, seed);
+  }
   if (type == "street") return make_street(scenario, seed);
   if (type == "tunnel") return make_tunnel(scenario, seed);
   if (type == "street_tunnel") return make_street_tunnel(scenario, seed);

@@ -29,7 +29,8 @@ WalkerShapes::WalkerShapes(WorldBuilder* b, const PropMaterials& m) {
 MovingObject WalkerShapes::make(double speed, Random* random,
                                 std::function<Eigen::Isometry3d(double)> T_map_object) const {
   MovingObject walker;
-  walker.radius_m = 1.9;
+  walker.radius_m = 1.1;
+  walker.centre = Eigen::Vector3d(0.0, 0.0, 0.9);
   walker.T_map_object = std::move(T_map_object);
   const double step_hz = speed > 0.05 ? 0.55 + 0.3 * speed : 0.0;  // cycles of two steps a second
   const double swing = speed > 0.05 ? 0.2 + 0.2 * speed : 0.0;

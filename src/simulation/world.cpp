@@ -47,7 +47,7 @@ PosedObject posed(const MovingObject& object, double t) {
   PosedObject result;
   const Eigen::Isometry3d T_map_object = object.T_map_object(t);
   result.id = object.id;
-  result.centre = T_map_object.translation().cast<float>();
+  result.centre = (T_map_object * object.centre).cast<float>();
   result.radius_squared = static_cast<float>(object.radius_m * object.radius_m);
   for (const MovingPart& part : object.parts) {
     result.parts.push_back({part.shape.get(), (T_map_object * part_pose(part, t)).inverse().cast<float>()});
@@ -87,8 +87,8 @@ std::vector<NearObject> World::objects_near(const Eigen::Vector3d& origin, doubl
   for (std::size_t i = 0; i < objects_.size(); ++i) {
     NearObject object;
     object.index = static_cast<int>(i);
-    object.centre_begin = objects_[i].T_map_object(t).translation();
-    object.centre_end = objects_[i].T_map_object(t + duration).translation();
+    object.centre_begin = objects_[i].T_map_object(t) * objects_[i].centre;
+    object.centre_end = objects_[i].T_map_object(t + duration) * objects_[i].centre;
     if ((object.centre_begin - origin).norm() < max_range + objects_[i].radius_m + kMarginM)
       near.push_back(object);
   }

@@ -255,11 +255,23 @@ class Recorder {
         gnss_(*place_.trajectory, scenario.gnss, seed),
         tum_(files.working(".tum")),
         labels_(files.working(".labels")) {
-    bag_.open(files.working(".bag"), rosbag::bagmode::Write);
-    bag_.setCompression(rosbag::compression::Uncompressed);
+    bag_->open(files.working(".bag"), rosbag::bagmode::Write);
+    bag_->setCompression(rosbag::compression::Uncompressed);
   }
 
   void run(std::uint64_t seed, const Files& files) {
+    try {
+      record(seed, files);
+    } catch (...) {
+      // The destructor of a bag writes its index; on a full disk that would throw out of a destructor. Files
+      // removes what there is.
+      static_cast<void>(bag_.release());
+      throw;
+    }
+  }
+
+ private:
+  void record(std::uint64_t seed, const Files& files) {
     const int scans = static_cast<int>(scenario_.duration_s * model_.rate_hz);
     const Progress progress(scans);
     first_ = next_ = imu_.next();
@@ -273,14 +285,12 @@ class Recorder {
       for (const Scan& scan : batch) write(scan);
       progress.update(begin + count);
     }
-    bag_.close();
+    bag_->close();
     tum_.close();
     labels_.close();
     sim::write_truth(files.working(".yaml"), scenario_, seed, lidar_.errors(), first_, next_);
     sim::write_system_config(files.working(".config.yaml"), scenario_, model_);
   }
-
- private:
   /// A scan as it is written.
   struct Scan {
     Stamp stamp = 0;
@@ -305,7 +315,7 @@ class Recorder {
 
   void write(const Scan& scan) {
     write_until(scan.received_s);
-    bag_.write("/points_raw", ros_time(add_seconds(kStart, scan.received_s)), scan.message);
+    bag_->write("/points_raw", ros_time(add_seconds(kStart, scan.received_s)), scan.message);
     labels_.add(scan.stamp, scan.labels);
   }
 
@@ -323,7 +333,7 @@ class Recorder {
       } else if (first == imu) {
         write_imu();
       } else {
-        bag_.write("/gps/fix", ros_time(add_seconds(kStart, fix)), fix_message(fix_, scenario_.gnss));
+        bag_->write("/gps/fix", ros_time(add_seconds(kStart, fix)), fix_message(fix_, scenario_.gnss));
         fix_ = gnss_.next();
       }
     }
@@ -331,14 +341,14 @@ class Recorder {
 
   void write_odometry(double time) {
     const Stamp stamp = add_seconds(kStart, time);
-    bag_.write("/ground_truth/odometry", ros_time(stamp),
-               odometry_message(place_.trajectory->evaluate(time), stamp));
+    bag_->write("/ground_truth/odometry", ros_time(stamp),
+                odometry_message(place_.trajectory->evaluate(time), stamp));
     ++odometry_count_;
   }
 
   void write_imu() {
     const Stamp received = add_seconds(kStart, next_.time_s + kImuLatency);
-    bag_.write("/imu_raw", ros_time(received), imu_message(next_, scenario_.imu));
+    bag_->write("/imu_raw", ros_time(received), imu_message(next_, scenario_.imu));
     tum_.add(add_seconds(kStart, next_.time_s), place_.trajectory->pose(next_.time_s));
     next_ = imu_.next();
   }
@@ -351,7 +361,7 @@ class Recorder {
   sim::GnssSimulator gnss_;
   sim::TumWriter tum_;
   sim::LabelWriter labels_;
-  rosbag::Bag bag_;
+  std::unique_ptr<rosbag::Bag> bag_ = std::make_unique<rosbag::Bag>();
   sim::ImuReading first_, next_;
   sim::GnssFix fix_;
   std::int64_t odometry_count_ = 0;

@@ -17,7 +17,9 @@ def run_script() -> Callable[..., subprocess.CompletedProcess]:
     """Runs `scripts/NAME ARG...` and returns code, stdout and stderr."""
 
     def run(name: str, *arguments: object) -> subprocess.CompletedProcess:
-        command: List[str] = ["/usr/bin/python3", str(REPOSITORY / "scripts" / name)] + [str(a) for a in arguments]
+        command: List[str] = ["/usr/bin/python3", str(REPOSITORY / "scripts" / name)] + [
+            str(a) for a in arguments
+        ]
         return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
 
     return run

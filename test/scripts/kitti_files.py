@@ -34,7 +34,9 @@ def scan_points(range_m: float = 20.0, columns: int = 360) -> np.ndarray:
 
 
 def oxts_row(seconds: float) -> List[float]:
-    """30 values of a car that drives east at 10 m/s on level ground, turning at 0.1 rad/s (all made up but valid)."""
+    """30 values of a car that drives east at 10 m/s on level ground, turning at 0.1 rad/s (all made up but
+    valid).
+    """
     row = np.zeros(30)
     row[0] = 49.0
     row[1] = 8.4 + np.degrees(10.0 * seconds / (6378137.0 * np.cos(np.radians(49.0))))
@@ -65,14 +67,18 @@ class RawDrive:
 
 
 def write_drive(root: Path, frames: range = range(5), columns: int = 360) -> RawDrive:
-    """Scans at 10 Hz, 100 Hz oxts in `_extract` from 1.5 s before the first scan, and the calibration of the day."""
+    """Scans at 10 Hz, 100 Hz oxts in `_extract` from 1.5 s before the first scan, and the calibration of the
+    day.
+    """
     drive = RawDrive(root)
     velodyne = drive.sync / "velodyne_points"
     (velodyne / "data").mkdir(parents=True)
     count = frames.stop
     for frame in frames:
         scan_points(columns=columns).tofile(velodyne / "data" / f"{frame:010d}.bin")
-    for name, offset_ns in (("timestamps_start", 0), ("timestamps", 50_000_000), ("timestamps_end", 100_000_000)):
+    for name, offset_ns in (
+        ("timestamps_start", 0), ("timestamps", 50_000_000), ("timestamps_end", 100_000_000)
+    ):
         lines = [stamp_line(2 * 10**9 + 100_000_000 * i + offset_ns) for i in range(count)]
         (velodyne / f"{name}.txt").write_text("\n".join(lines) + "\n")
     last_s = 2 + 0.1 * count + 0.2

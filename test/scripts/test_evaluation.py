@@ -14,8 +14,9 @@ from fdi_lio_scripts.evaluation import Settings, evaluate
 from fdi_lio_scripts.trajectory import Trajectory
 
 
-@pytest.mark.parametrize("mode, scale, axis", [("se3", 1.0, [1, 2, 3]), ("sim3", 1.7, [1, 2, 3]), ("yaw", 1.0, [0, 0, 1]),
-                                               ("first", 1.0, [3, -1, 1])])
+@pytest.mark.parametrize("mode, scale, axis", [
+    ("se3", 1.0, [1, 2, 3]), ("sim3", 1.7, [1, 2, 3]), ("yaw", 1.0, [0, 0, 1]), ("first", 1.0, [3, -1, 1])
+])
 def test_alignment_undoes_a_known_transform(mode, scale, axis):
     truth = helix()
     result = evaluate(moved(truth, scale, axis, 1.1, np.array([5, -7, 2])), truth, Settings(align=mode))
@@ -36,7 +37,8 @@ def test_umeyama_is_the_minimum():
     noisy = replace(truth, positions=truth.positions + random.normal(0, 0.5, truth.positions.shape))
     best = metrics.position_errors_m(align(noisy, truth, "se3").apply(noisy), truth)
     for _ in range(20):
-        nudged = moved(align(noisy, truth, "se3").apply(noisy), 1.0, random.normal(size=3), 1e-3, random.normal(0, 1e-3, 3))
+        aligned = align(noisy, truth, "se3").apply(noisy)
+        nudged = moved(aligned, 1.0, random.normal(size=3), 1e-3, random.normal(0, 1e-3, 3))
         assert np.sum(metrics.position_errors_m(nudged, truth) ** 2) > np.sum(best**2)
 
 
@@ -44,12 +46,16 @@ def test_unaligned_constant_offset_gives_its_length():
     truth = helix(10)
     estimate = replace(truth, positions=truth.positions + [3, 4, 0])
     ate = evaluate(estimate, truth, Settings(align="none")).summary()["ate_m"]
-    assert ate == pytest.approx({"rmse": 5, "mean": 5, "median": 5, "std": 0, "min": 5, "max": 5, "sse": 250}, abs=1e-12)
+    expected = {"rmse": 5, "mean": 5, "median": 5, "std": 0, "min": 5, "max": 5, "sse": 250}
+    assert ate == pytest.approx(expected, abs=1e-12)
 
 
 def test_statistics_are_those_of_the_field():
     values = metrics.statistics(np.array([1.0, 2.0, 3.0, 6.0]))
-    assert values == pytest.approx({"rmse": np.sqrt(12.5), "mean": 3, "median": 2.5, "std": np.sqrt(3.5), "min": 1, "max": 6, "sse": 50})
+    expected = {
+        "rmse": np.sqrt(12.5), "mean": 3, "median": 2.5, "std": np.sqrt(3.5), "min": 1, "max": 6, "sse": 50
+    }
+    assert values == pytest.approx(expected)
 
 
 def test_constant_rotation_error_in_degrees():
@@ -61,7 +67,8 @@ def test_constant_rotation_error_in_degrees():
     turned = np.column_stack([w * s + x * c, y * c + z * s, z * c - y * s, w * c - x * s])
     result = evaluate(replace(truth, quaternions=turned), truth, Settings(align="none"))
     np.testing.assert_allclose(result.rotation_errors_deg, 2.0, atol=1e-9)
-    # Relative rotation is R_x' (motion) R_x: not zero, since the axis of the error does not turn with the motion
+    # Relative rotation is R_x' (motion) R_x: not zero, since the axis of the error does not turn with the
+    # motion
     assert result.summary()["ate_m"]["max"] == 0
 
 
@@ -75,7 +82,8 @@ def test_rpe_of_a_scaled_line():
 
 
 def test_one_percent_of_scale_is_one_percent_of_kitti_error():
-    # Segments end one pose past their length, so with 0.25 m steps they are 0.25 m longer than their nominal length.
+    # Segments end one pose past their length, so with 0.25 m steps they are 0.25 m longer than their nominal
+    # length.
     truth, estimate = line(1000, 0.25), line(1000, 0.25, scale=1.01)
     result = evaluate(estimate, truth, Settings())
     assert [row.length_m for row in result.kitti] == [100, 200, 300, 400, 500, 600, 700, 800, 0]
@@ -84,7 +92,9 @@ def test_one_percent_of_scale_is_one_percent_of_kitti_error():
         assert row.rotation_deg_per_100m == pytest.approx(0, abs=1e-9)
         # 4001 poses, starts 0, 10, ..., the last of which must leave length + 0.25 m
         assert row.segments == int((4000 - (row.length_m * 4 + 1)) // 10) + 1
-    mean = sum(row.translation_percent * row.segments for row in result.kitti[:-1]) / result.kitti[-1].segments
+    mean = sum(
+        row.translation_percent * row.segments for row in result.kitti[:-1]
+    ) / result.kitti[-1].segments
     assert result.kitti[-1].translation_percent == pytest.approx(mean)
     assert result.short_segments == []
 
@@ -92,7 +102,8 @@ def test_one_percent_of_scale_is_one_percent_of_kitti_error():
 def test_yaw_drift_in_degrees_for_100_m():
     rate = np.radians(0.5) / 100  # 0.5 degrees each 100 m
     result = evaluate(line(1000, 0.5, yaw_per_m=rate), line(1000, 0.5), Settings(align="none"))
-    assert result.kitti[-1].rotation_deg_per_100m == pytest.approx(0.5, rel=5e-3)  # segments end up to one step late
+    # segments end up to one step late
+    assert result.kitti[-1].rotation_deg_per_100m == pytest.approx(0.5, rel=5e-3)
 
 
 def test_short_paths_get_short_segments():
@@ -156,20 +167,26 @@ def test_command_line_writes_every_output(run_script, tmp_path):
     truth = helix(400)
     random = np.random.default_rng(7)
     noisy = replace(truth, positions=truth.positions + random.normal(0, 0.1, truth.positions.shape))
-    paths = [write_tum(tmp_path / "est.tum", noisy), write_tum(tmp_path / "gt.tum", truth), write_tum(tmp_path / "gt2.tum", noisy)]
+    poses = {"est.tum": noisy, "gt.tum": truth, "gt2.tum": noisy}
+    paths = [write_tum(tmp_path / name, trajectory) for name, trajectory in poses.items()]
     degeneracy = tmp_path / "degeneracy.csv"
-    degeneracy.write_text("stamp,fdi,class\n" + "".join(f"{s},{0.5},{'sparse' if s < 110 else 'mixed'}\n" for s in truth.stamps))
-    done = run_script("evaluate_trajectory.py", *paths, "--markdown", tmp_path / "t.md", "--json", tmp_path / "t.json",
-                      "--csv", tmp_path / "t.csv", "--plots", tmp_path / "plots", "--degeneracy", degeneracy)
+    rows = [f"{stamp},0.5,{'sparse' if stamp < 110 else 'mixed'}\n" for stamp in truth.stamps]
+    degeneracy.write_text("stamp,fdi,class\n" + "".join(rows))
+    done = run_script(
+        "evaluate_trajectory.py", *paths, "--markdown", tmp_path / "t.md", "--json", tmp_path / "t.json",
+        "--csv", tmp_path / "t.csv", "--plots", tmp_path / "plots", "--degeneracy", degeneracy,
+    )
     assert done.returncode == 0, done.stderr
     results = json.loads((tmp_path / "t.json").read_text())
     expected = evaluate(noisy, truth, Settings())
-    assert results[0]["ate_m"]["rmse"] == pytest.approx(metrics.statistics(expected.position_errors_m)["rmse"], rel=1e-12)
+    rmse = metrics.statistics(expected.position_errors_m)["rmse"]
+    assert results[0]["ate_m"]["rmse"] == pytest.approx(rmse, rel=1e-12)
     assert results[1]["ate_m"]["rmse"] == pytest.approx(0, abs=1e-9)
     assert "| ATE rmse [m] |" in (tmp_path / "t.md").read_text()
     assert len((tmp_path / "t.csv").read_text().splitlines()) == 3
     pictures = sorted(path.name for path in (tmp_path / "plots").iterdir())
-    assert pictures == [f"{i}_{name}.png" for i in (1, 2) for name in ("error_on_path", "error_over_time", "side_view", "top_view")]
+    names = ("error_on_path", "error_over_time", "side_view", "top_view")
+    assert pictures == [f"{i}_{name}.png" for i in (1, 2) for name in names]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in (tmp_path / "plots").iterdir())
 
 
@@ -180,7 +197,9 @@ def test_kitti_files_and_times(run_script, tmp_path):
     np.savetxt(tmp_path / "times.txt", truth.stamps)
     estimate = write_tum(tmp_path / "est.tum", line(300, 1.0, scale=1.01))
     for options in ([], ["--kitti-times", tmp_path / "times.txt"]):
-        done = run_script("evaluate_trajectory.py", estimate, tmp_path / "gt.txt", "--json", tmp_path / "r.json", *options)
+        done = run_script(
+            "evaluate_trajectory.py", estimate, tmp_path / "gt.txt", "--json", tmp_path / "r.json", *options
+        )
         assert done.returncode == 0, done.stderr
         row = json.loads((tmp_path / "r.json").read_text())[0]["kitti_segments"][0]
         assert row["translation_percent"] == pytest.approx(1.01, abs=1e-6)  # 101 m of a nominal 100 m

@@ -77,7 +77,9 @@ def test_fewer_than_three_matches(run_script, truth, tmp_path):
     rows = rows_of(helix())
     rows[2:, 0] += 0.05
     np.savetxt(tmp_path / "e.tum", rows, fmt="%.9f")
-    refused(run_script("evaluate_trajectory.py", tmp_path / "e.tum", truth), "only 2 poses match", "--interpolate")
+    refused(
+        run_script("evaluate_trajectory.py", tmp_path / "e.tum", truth), "only 2 poses match", "--interpolate"
+    )
 
 
 def test_nan_pose(run_script, truth, tmp_path):
@@ -121,5 +123,7 @@ def test_output_folder_that_is_missing(run_script, truth, tmp_path):
 
 def test_degeneracy_without_its_columns(run_script, truth, tmp_path):
     (tmp_path / "d.csv").write_text("time,value\n1,2\n")
-    done = run_script("evaluate_trajectory.py", truth, truth, "--plots", tmp_path / "p", "--degeneracy", tmp_path / "d.csv")
+    done = run_script(
+        "evaluate_trajectory.py", truth, truth, "--plots", tmp_path / "p", "--degeneracy", tmp_path / "d.csv"
+    )
     refused(done, "no column 'stamp'")

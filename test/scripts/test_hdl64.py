@@ -47,9 +47,12 @@ def test_empty_scan():
 
 
 def test_sweep_runs_clockwise_from_behind():
-    back_left, left, front, right, back_right = [-1, 1e-6, 0], [0, 1, 0], [1, 0, 0], [0, -1, 0], [-1, -1e-6, 0]
-    shares = hdl64.sweep_share(np.array([back_left, left, front, right, back_right]))
+    # just left of straight behind, left, front, right, just right of straight behind
+    around = np.array([[-1, 1e-6, 0], [0, 1, 0], [1, 0, 0], [0, -1, 0], [-1, -1e-6, 0]])
+    shares = hdl64.sweep_share(around)
     np.testing.assert_allclose(shares, [0, 0.25, 0.5, 0.75, 1], atol=1e-6)
+    other_way = hdl64.sweep_share(around, clockwise=False)
+    np.testing.assert_allclose(other_way, 1 - shares, atol=1e-6)
     exactly_behind = hdl64.sweep_share(np.array([[-1, 0.0, 0], [-1, -0.0, 0]], dtype=np.float32))
     assert np.all((exactly_behind >= 0) & (exactly_behind < 1))
 

@@ -5,7 +5,8 @@ import lzma
 import numpy as np
 import pytest
 from bags import messages_by_topic
-from kitti_files import DATE, DRIVE, R_VELO_IMU, START_NS, T_VELO_IMU, oxts_row, scan_points, write_drive, write_oxts
+from kitti_files import DATE, DRIVE, R_VELO_IMU, START_NS, T_VELO_IMU
+from kitti_files import oxts_row, scan_points, write_drive, write_oxts
 
 from fdi_lio_scripts.kitti_sequences import SEQUENCES, sequence_range
 from fdi_lio_scripts.ros_messages import cloud_points, nanoseconds
@@ -25,7 +26,9 @@ def test_cloud_layout_is_that_of_the_velodyne_driver(converted):
     assert len(clouds) == 5
     cloud = clouds[0]
     assert [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields] == [
-        ("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1), ("intensity", 12, 7, 1), ("ring", 16, 4, 1), ("time", 18, 7, 1)
+        ("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1), (
+            "intensity", 12, 7, 1
+        ), ("ring", 16, 4, 1), ("time", 18, 7, 1)
     ]
     assert (cloud.point_step, cloud.height, cloud.width) == (22, 1, 64 * 360)
     assert cloud.row_step == 22 * cloud.width == len(cloud.data)
@@ -58,7 +61,9 @@ def test_imu_has_the_right_columns_and_a_lead_of_one_second(converted):
         a, w, q = message.linear_acceleration, message.angular_velocity, message.orientation
         np.testing.assert_allclose([a.x, a.y, a.z], row[11:14], atol=1e-12)
         np.testing.assert_allclose([w.x, w.y, w.z], row[17:20], atol=1e-12)
-        np.testing.assert_allclose([q.x, q.y, q.z, q.w], [0, 0, np.sin(0.05 * seconds), np.cos(0.05 * seconds)], atol=1e-9)
+        np.testing.assert_allclose(
+            [q.x, q.y, q.z, q.w], [0, 0, np.sin(0.05 * seconds), np.cos(0.05 * seconds)], atol=1e-9
+        )
         assert message.header.frame_id == "imu_link"
         assert min(np.diag(np.reshape(message.orientation_covariance, (3, 3)))) > 0
 
@@ -68,7 +73,9 @@ def test_gnss_fixes_come_at_ten_hertz(converted):
     stamps = np.array([nanoseconds(m.header.stamp) for m in fixes])
     np.testing.assert_allclose(np.diff(stamps) * 1e-9, 0.1, atol=0.011)
     row = oxts_row((stamps[3] - START_NS) * 1e-9)
-    np.testing.assert_allclose([fixes[3].latitude, fixes[3].longitude, fixes[3].altitude], row[:3], atol=1e-12)
+    np.testing.assert_allclose(
+        [fixes[3].latitude, fixes[3].longitude, fixes[3].altitude], row[:3], atol=1e-12
+    )
     assert fixes[3].status.status == 0 and fixes[3].position_covariance[0] == pytest.approx(0.0025)
 
 
@@ -78,7 +85,8 @@ def test_truth_is_east_north_up_from_the_first_packet(converted):
     np.testing.assert_allclose(rows[:, 1], 10 * seconds, atol=1e-4)  # 10 m/s east
     np.testing.assert_allclose(rows[:, 2], 0, atol=1e-6)
     np.testing.assert_allclose(rows[:, 3], 0.5 * seconds, atol=1e-6)
-    np.testing.assert_allclose(2 * np.arctan2(rows[:, 6], rows[:, 7]), 0.1 * (seconds + 1.0), atol=1e-6)  # yaw
+    # yaw
+    np.testing.assert_allclose(2 * np.arctan2(rows[:, 6], rows[:, 7]), 0.1 * (seconds + 1.0), atol=1e-6)
     first = (converted[2] / "o_imu.tum").read_text().splitlines()[2].split()[0]
     assert first == f"{(START_NS + 10**9) // 10**9}.000000000"
 
@@ -93,11 +101,13 @@ def test_mercator_scale_holds_to_the_north():
 
 
 def test_extrinsic_is_printed_as_imu_from_lidar(converted):
-    lines = converted[1].splitlines()
-    numbers = [float(word) for line in lines if "translation:" in line for word in line.split("[")[1].rstrip("]").split(",")]
-    np.testing.assert_allclose(numbers, -R_VELO_IMU.T @ T_VELO_IMU, atol=1e-6)
-    quaternion = [float(word) for line in lines if "rotation:" in line for word in line.split("[")[1].rstrip("]").split(",")]
-    np.testing.assert_allclose(quaternion, [0, 0, -np.sqrt(0.5), np.sqrt(0.5)], atol=1e-7)
+    numbers = {}
+    for line in converted[1].splitlines():
+        name, _, rest = line.strip().partition(": [")
+        if rest:
+            numbers[name] = [float(word) for word in rest.rstrip("]").split(",")]
+    np.testing.assert_allclose(numbers["translation"], -R_VELO_IMU.T @ T_VELO_IMU, atol=1e-6)
+    np.testing.assert_allclose(numbers["rotation"], [0, 0, -np.sqrt(0.5), np.sqrt(0.5)], atol=1e-7)
 
 
 def test_unsorted_repeated_and_missing_imu_packets(run_script, tmp_path):
@@ -148,7 +158,9 @@ def test_odometry_poses_become_poses_of_the_lidar(run_script, tmp_path):
     # The camera moves 1 m forward (its z) each frame: so does the lidar (its x).
     poses = [f"1 0 0 0 0 1 0 0 0 0 1 {i}" for i in range(5)]
     (tmp_path / "07.txt").write_text("\n".join(poses))
-    done = run_script("kitti_to_bag.py", "--drive", drive.sync, tmp_path / "o.bag", "--poses", tmp_path / "07.txt")
+    done = run_script(
+        "kitti_to_bag.py", "--drive", drive.sync, tmp_path / "o.bag", "--poses", tmp_path / "07.txt"
+    )
     assert done.returncode == 0, done.stderr
     rows = np.loadtxt(tmp_path / "o_lidar.tum")
     np.testing.assert_allclose(rows[:, 1:4], [[i, 0, 0] for i in range(5)], atol=1e-9)
@@ -196,11 +208,23 @@ def bad_drive(tmp_path, spoil):
 
 @pytest.mark.parametrize("spoil, words", [
     (lambda d: (d.extract / "oxts" / "timestamps.txt").unlink(), ["_extract", "--no-imu"]),
-    (lambda d: (d.extract / "oxts" / "data" / "0000000007.txt").write_text("1 2 3\n"), ["0000000007.txt", "3 values"]),
-    (lambda d: (d.extract / "oxts" / "data" / "0000000007.txt").write_text("x\n"), ["0000000007.txt", "no number"]),
-    (lambda d: (d.sync / "velodyne_points" / "data" / "0000000002.bin").write_bytes(b"12345"), ["0000000002.bin", "5 bytes"]),
+    (
+        lambda d: (d.extract / "oxts" / "data" / "0000000007.txt").write_text("1 2 3\n"),
+        ["0000000007.txt", "3 values"],
+    ),
+    (
+        lambda d: (d.extract / "oxts" / "data" / "0000000007.txt").write_text("x\n"),
+        ["0000000007.txt", "no number"],
+    ),
+    (
+        lambda d: (d.sync / "velodyne_points" / "data" / "0000000002.bin").write_bytes(b"12345"),
+        ["0000000002.bin", "5 bytes"],
+    ),
     (lambda d: (d.sync / "velodyne_points" / "timestamps_end.txt").unlink(), ["timestamps_end.txt"]),
-    (lambda d: (d.sync / "velodyne_points" / "timestamps.txt").write_text("nonsense\n"), ["line 1", "nonsense"]),
+    (
+        lambda d: (d.sync / "velodyne_points" / "timestamps.txt").write_text("nonsense\n"),
+        ["line 1", "nonsense"],
+    ),
     (lambda d: [f.unlink() for f in (d.sync / "velodyne_points" / "data").iterdir()], ["holds no scans"]),
     (lambda d: (d.sync.parent / "calib_imu_to_velo.txt").write_text("R: 1 2\n"), ["calib_imu_to_velo.txt"]),
 ])

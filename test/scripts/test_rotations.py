@@ -46,4 +46,8 @@ def test_roll_pitch_yaw_is_rz_ry_rx():
     )
     np.testing.assert_allclose(rotations.from_roll_pitch_yaw(roll, pitch, yaw)[0], expected, atol=1e-15)
     # positive pitch about y turns the nose (x) down
-    np.testing.assert_allclose(rotations.from_roll_pitch_yaw(zero, np.array([np.pi / 2]), zero)[0] @ [1, 0, 0], [0, 0, -1], atol=1e-15)
+    np.testing.assert_allclose(
+        rotations.from_roll_pitch_yaw(zero, np.array([np.pi / 2]), zero)[0] @ [1, 0, 0],
+        [0, 0, -1],
+        atol=1e-15,
+    )

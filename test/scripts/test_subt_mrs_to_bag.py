@@ -29,7 +29,11 @@ def write_bag(path, scans=3, start_ns=START_NS, product=0x22, topic="/velodyne_p
                 imu.header.stamp = ros_time(scan_ns + k * 10_000_000)
                 imu.linear_acceleration.z = 9.81 + i + 0.01 * k
                 bag.write("/imu/data", imu, scan_ns + k * 10_000_000)
-            packets = [(scan_ns + p * 1_327_104, packet(p * 12 * 40 % 36000, 40, floor_shot, product=product)) for p in range(75)]
+            packets = [
+                (
+                    scan_ns + p * 1_327_104, packet(p * 12 * 40 % 36000, 40, floor_shot, product=product)
+                ) for p in range(75)
+            ]
             bag.write(topic, scan_message(packets), scan_ns + 100_000_000)
     return path
 
@@ -68,8 +72,10 @@ def test_parts_are_put_in_order_and_topics_can_be_skipped(run_script, tmp_path):
 
 @pytest.mark.parametrize("text", [
     "1600000000000000123,1,2,3,0,0,0,1\n1600000000100000456,1.5,2,3,0,0,0.6,0.8\n",
-    "timestamp,x,y,z,qx,qy,qz,qw\n1600000000.000000123,1,2,3,0,0,0,1\n1600000000.100000456,1.5,2,3,0,0,0.6,0.8\n",
-    "# nsec, qw, qx, qy, qz, x, y, z\n1600000000000000123,1,0,0,0,1,2,3\n1600000000100000456,0.8,0,0,0.6,1.5,2,3\n",
+    "timestamp,x,y,z,qx,qy,qz,qw\n1600000000.000000123,1,2,3,0,0,0,1\n"
+    "1600000000.100000456,1.5,2,3,0,0,0.6,0.8\n",
+    "# nsec, qw, qx, qy, qz, x, y, "
+    "z\n1600000000000000123,1,0,0,0,1,2,3\n1600000000100000456,0.8,0,0,0.6,1.5,2,3\n",
     "sec,nsec,px,py,pz,qx,qy,qz,qw\n1600000000,123,1,2,3,0,0,0,1\n1600000000,100000456,1.5,2,3,0,0,0.6,0.8\n",
     "1600000000.100000456 1.5 2 3 0 0 0.6 0.8\n1600000000.000000123 1 2 3 0 0 0 1\n",
 ])
@@ -78,9 +84,13 @@ def test_ground_truth_tables(run_script, tmp_path, text):
     done = run_script("subt_mrs_to_bag.py", write_bag(tmp_path / "in.bag", 1), tmp_path / "out.bag",
                       "--ground-truth", tmp_path / "truth.csv")
     assert done.returncode == 0, done.stderr
-    lines = [line for line in (tmp_path / "out_truth.tum").read_text().splitlines() if not line.startswith("#")]
+    lines = [
+        line for line in (tmp_path / "out_truth.tum").read_text().splitlines() if not line.startswith("#")
+    ]
     assert [line.split()[0] for line in lines] == ["1600000000.000000123", "1600000000.100000456"]
-    np.testing.assert_allclose([float(word) for word in lines[1].split()[1:]], [1.5, 2, 3, 0, 0, 0.6, 0.8], atol=1e-9)
+    np.testing.assert_allclose(
+        [float(word) for word in lines[1].split()[1:]], [1.5, 2, 3, 0, 0, 0.6, 0.8], atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("text, words", [
@@ -105,7 +115,9 @@ def test_bags_without_packets_or_with_several_topics(run_script, tmp_path):
         bag.write("/imu/data", message_class("sensor_msgs/Imu")(), START_NS)
     done = run_script("subt_mrs_to_bag.py", tmp_path / "imu.bag", tmp_path / "out.bag")
     assert done.returncode == 2 and "SubT-MRS" in done.stderr
-    first, second = write_bag(tmp_path / "1.bag", 1, topic="/left"), write_bag(tmp_path / "2.bag", 1, topic="/right")
+    first, second = write_bag(tmp_path / "1.bag", 1, topic="/left"), write_bag(
+        tmp_path / "2.bag", 1, topic="/right"
+    )
     done = run_script("subt_mrs_to_bag.py", first, second, tmp_path / "out.bag")
     assert done.returncode == 2 and "/left, /right" in done.stderr and "--scan-topic" in done.stderr
     done = run_script("subt_mrs_to_bag.py", first, second, tmp_path / "out.bag", "--scan-topic", "/left")
@@ -114,7 +126,9 @@ def test_bags_without_packets_or_with_several_topics(run_script, tmp_path):
 
 
 def test_wrong_sensor_missing_and_unindexed_bags(run_script, tmp_path):
-    done = run_script("subt_mrs_to_bag.py", write_bag(tmp_path / "32.bag", 1, product=0x28), tmp_path / "out.bag")
+    done = run_script(
+        "subt_mrs_to_bag.py", write_bag(tmp_path / "32.bag", 1, product=0x28), tmp_path / "out.bag"
+    )
     assert done.returncode == 2 and "VLP-32C" in done.stderr
     assert not (tmp_path / "out.bag").exists()
     done = run_script("subt_mrs_to_bag.py", tmp_path / "no.bag", tmp_path / "out.bag")

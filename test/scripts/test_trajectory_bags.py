@@ -14,7 +14,9 @@ def write_poses(path, types):
     """A helix on one topic for each type, named after it."""
     truth = helix(50, start_s=1000.0)
     with BagWriter(str(path), overwrite=False) as bag:
-        for stamp, position, quaternion in zip(truth.stamps, truth.positions.tolist(), truth.quaternions.tolist()):
+        for stamp, position, quaternion in zip(
+            truth.stamps, truth.positions.tolist(), truth.quaternions.tolist()
+        ):
             for name in types:
                 message = message_class(name)()
                 message.header.stamp = ros_time(round(stamp * 1e9))
@@ -28,7 +30,9 @@ def write_poses(path, types):
     return truth
 
 
-@pytest.mark.parametrize("name", ["nav_msgs/Odometry", "geometry_msgs/PoseStamped", "geometry_msgs/TransformStamped"])
+@pytest.mark.parametrize(
+    "name", ["nav_msgs/Odometry", "geometry_msgs/PoseStamped", "geometry_msgs/TransformStamped"]
+)
 def test_each_pose_type(tmp_path, name):
     truth = write_poses(tmp_path / "t.bag", [name])
     found = read_trajectory(str(tmp_path / "t.bag"))
@@ -48,6 +52,12 @@ def test_topic_must_be_named_when_there_are_several(tmp_path):
 
 def test_bag_against_tum_on_the_command_line(run_script, tmp_path):
     truth = write_poses(tmp_path / "t.bag", ["nav_msgs/Odometry", "geometry_msgs/PoseStamped"])
-    done = run_script("evaluate_trajectory.py", tmp_path / "t.bag", write_tum(tmp_path / "gt.tum", truth), "--topic", "/Odometry")
+    done = run_script(
+        "evaluate_trajectory.py",
+        tmp_path / "t.bag",
+        write_tum(tmp_path / "gt.tum", truth),
+        "--topic",
+        "/Odometry",
+    )
     assert done.returncode == 0, done.stderr
     assert "ATE rmse [m]" in done.stdout

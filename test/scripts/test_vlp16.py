@@ -19,7 +19,9 @@ def only(block, firing, laser, distance=2500, reflectivity=77):
     return lambda b, f, l: (distance, reflectivity) if (b, f, l) == (block, firing, laser) else (0, 0)
 
 
-@pytest.mark.parametrize("block, firing, laser", [(0, 0, 0), (0, 0, 15), (0, 1, 0), (3, 1, 7), (11, 0, 4), (11, 1, 15)])
+@pytest.mark.parametrize(
+    "block, firing, laser", [(0, 0, 0), (0, 0, 15), (0, 1, 0), (3, 1, 7), (11, 0, 4), (11, 1, 15)]
+)
 def test_single_point_by_hand(block, firing, laser):
     counts = DecodeCounts()
     points, stamp = decode_scan([(5 * 10**9, packet(3000, 20, only(block, firing, laser)))], counts)

@@ -26,11 +26,15 @@ MSG: velodyne_msgs/VelodynePacket
 time stamp              # packet timestamp
 uint8[1206] data        # packet contents
 """
-Shot = Callable[[int, int, int], Tuple[int, int]]  # (block, firing, laser) -> (distance in 2 mm, reflectivity)
+# (block, firing, laser) -> (distance in 2 mm, reflectivity)
+Shot = Callable[[int, int, int], Tuple[int, int]]
 
 
-def packet(first_azimuth: int, turn: int, shot: Shot, mode: int = 0x37, product: int = 0x22, pair: bool = False) -> bytes:
-    """1206 bytes: blocks `turn` hundredths of a degree apart (every two blocks if `pair`, as in dual mode)."""
+def packet(
+    first_azimuth: int, turn: int, shot: Shot, mode: int = 0x37, product: int = 0x22, pair: bool = False
+) -> bytes:
+    """1206 bytes: blocks `turn` hundredths of a degree apart (every two blocks if `pair`, as in dual mode).
+    """
     data = b""
     for block in range(12):
         step = block // 2 if pair else block

@@ -94,7 +94,7 @@ TEST(ImuSimulator, HandHeldMotionFollowsTheTruth) {
   double peak = 0.0;
   for (double t = 0.0; t < 40.0; t += 0.01) peak = std::max(peak, trajectory.evaluate(t).w_imu.norm());
   EXPECT_GT(peak, 2.0);
-  EXPECT_LT(peak, 5.0);
+  EXPECT_LT(peak, 4.0);
   ImuSettings settings;
   settings.rate_hz = 200.0;
   const Drift drift = worst_drift(trajectory, settings, 12);

@@ -92,6 +92,7 @@ struct MappingConfig {
   double plane_max_thickness_m = 0.1;
   double max_residual_m = 0.5;
   double robust_scale = 1.5;
+  double max_deviation = 4.0;
   double surface_roughness_m = 0.01;
   double correlation_factor = 4.0;
   double convergence_rotation_rad = 1e-4;

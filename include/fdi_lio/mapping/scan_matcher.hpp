@@ -37,7 +37,8 @@ struct LidarInformation {
 /// How far and how strictly matches are looked for.
 struct MatchSettings {
   double max_residual_m = 0.5;
-  bool wide = false;  ///< look into neighbouring cells too: before the velocity is known
+  double max_deviation = 1e9;  ///< of a residual, in its standard deviations
+  bool wide = false;           ///< look into neighbouring cells too: before the velocity is known
   double plane_weight = 1.0;
   double edge_weight = 1.0;
 };

@@ -24,8 +24,9 @@ struct MovingPart {
 
 /// A car or a person. `T_map_object(t)` is its pose at time t (seconds since the start of the recording).
 struct MovingObject {
-  std::int16_t id = 0;  ///< label, > 0
-  double radius_m = 1.0;
+  std::int16_t id = 0;                               ///< label, > 0
+  double radius_m = 1.0;                             ///< of a ball that holds all parts
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of that ball, in the object's frame, metres
   std::vector<MovingPart> parts;
   std::function<Eigen::Isometry3d(double)> T_map_object;
 };

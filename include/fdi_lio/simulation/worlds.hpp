@@ -7,6 +7,7 @@ namespace fdi_lio::simulation {
 // One function a world type: draws the place, the way through it and what moves there.
 
 Place make_street(const Scenario& scenario, std::uint64_t seed);
+Place make_kitti_city(const Scenario& scenario, std::uint64_t seed);
 Place make_tunnel(const Scenario& scenario, std::uint64_t seed);
 Place make_street_tunnel(const Scenario& scenario, std::uint64_t seed);
 Place make_plaza(const Scenario& scenario, std::uint64_t seed);
