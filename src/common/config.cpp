@@ -53,6 +53,20 @@ void FrameConfig::visit(ParameterVisitor& v) {
   v.text({"frames.base_link", "", "frame of the robot"}, base_link);
   v.text({"frames.imu", "", "frame of the IMU; equal to base_link unless tf knows better"}, imu);
   v.flag({"frames.publish_tf", "", "publish odom -> base_link and map -> odom"}, publish_tf);
+  v.choice({"frames.extrinsics", "", "tf: the nodes look T_base_imu and T_imu_lidar up in tf (robot's URDF)"},
+           extrinsics, {"parameters", "tf"});
+  v.choice({"frames.sensor_tf", "",
+            "publish base_link -> IMU and lidar frames: auto does when tf does not know the lidar"},
+           sensor_tf, {"auto", "always", "never"});
+  v.vector3({"frames.T_base_imu.translation", "m", "p_base = T_base_imu * p_imu"}, t_base_imu);
+  v.rotation({"frames.T_base_imu.rotation", "", "quaternion x y z w, or matrix row by row"}, q_base_imu);
+}
+
+Eigen::Isometry3d FrameConfig::T_base_imu() const {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = q_base_imu.toRotationMatrix();
+  T.translation() = t_base_imu;
+  return T;
 }
 
 void ImuConfig::visit(ParameterVisitor& v) {
@@ -152,6 +166,21 @@ void MappingConfig::visit(ParameterVisitor& v) {
          line_max_thickness_m, 0.005, 1.0);
 }
 
+void NodeConfig::visit(ParameterVisitor& v) {
+  v.real({"nodes.answer_timeout", "s", "how long a node waits for what another says of the same scan"},
+         answer_timeout_s, 0.0, 10.0);
+  v.integer({"nodes.scan_queue", "", "scans that may wait before the oldest are dropped and counted"},
+            scan_queue, 1, 100000);
+  v.real({"nodes.local_map_period", "s", "time between two messages of map/local"}, local_map_period_s, 0.1,
+         3600.0);
+  v.real({"nodes.global_map_period", "s", "time between two messages of map/global"}, global_map_period_s,
+         0.1, 3600.0);
+  v.real({"nodes.global_map_voxel", "m", "voxel of map/global, which is for looking at"}, global_map_voxel_m,
+         0.02, 10.0);
+  v.integer({"nodes.path_poses", "", "poses in the path message; beyond that every second one is dropped"},
+            path_poses, 10, 1000000);
+}
+
 void Config::visit(ParameterVisitor& v) {
   sensor.visit(v);
   frames.visit(v);
@@ -159,6 +188,7 @@ void Config::visit(ParameterVisitor& v) {
   features.visit(v);
   mapping.visit(v);
   degeneracy.visit(v);
+  nodes.visit(v);
   v.integer({"threads", "", "threads of one process; the result does not depend on it"}, threads, 1, 64);
 }
 

@@ -1,6 +1,5 @@
 #include "fdi_lio/evaluation/trajectory_writer.hpp"
 
-#include <cinttypes>
 #include <cstdio>
 
 #include "fdi_lio/common/error.hpp"
@@ -13,11 +12,10 @@ TrajectoryWriter::TrajectoryWriter(const std::string& path) : path_(path), out_(
 }
 
 void TrajectoryWriter::add(Stamp stamp, const Eigen::Quaterniond& q, const Eigen::Vector3d& t) {
-  constexpr Stamp kBillion = 1000000000;
   char line[256];
-  std::snprintf(line, sizeof(line), "%" PRId64 ".%09" PRId64 " %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n",
-                stamp / kBillion, stamp % kBillion, t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
-  out_ << line;
+  std::snprintf(line, sizeof(line), " %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", t.x(), t.y(), t.z(), q.x(),
+                q.y(), q.z(), q.w());
+  out_ << stamp_text(stamp) << line;
   if (!out_.flush()) throw Error("cannot write " + path_ + ": the disk may be full");
 }
 

@@ -77,6 +77,8 @@ class Estimator::Implementation {
   std::optional<EstimateResult> add(const FeatureSet& features, const degeneracy::Degeneracy& degeneracy,
                                     const std::optional<imu::Preintegration>& imu);
 
+  void resume(const imu::NavState& state) { resumed_ = state; }
+
   std::optional<imu::NavState> state() const {
     if (smoother_.empty()) return std::nullopt;
     return smoother_.newest();
@@ -105,6 +107,7 @@ class Estimator::Implementation {
   VoxelMap plane_map_;
   VoxelMap edge_map_;
   int scan_count_ = 0;
+  std::optional<imu::NavState> resumed_;
   imu::NavState before_;  ///< estimate of the scan before
   imu::NavState alignment_start_;
   std::vector<imu::AlignmentInterval> alignment_;
@@ -132,6 +135,16 @@ MatchInput Estimator::Implementation::match_input(const FeatureSet& features) co
 
 void Estimator::Implementation::start(const FeatureSet& features,
                                       const std::optional<imu::Preintegration>& imu) {
+  if (resumed_ && resumed_->stamp == features.stamp) {
+    Smoother::InitialSigma sigma;
+    sigma.velocity = 0.5;
+    sigma.gyro_bias = 2e-3;
+    sigma.gravity = 0.02;
+    smoother_.start(*resumed_, sigma);
+    reporter_->report(Severity::kInfo, "resumed",
+                      "mapping goes on from the newest estimate before its restart");
+    return;
+  }
   imu::NavState first;
   first.stamp = features.stamp;
   first.g_odom = Eigen::Vector3d(0.0, 0.0, -config_.sensor.gravity_mps2);
@@ -343,7 +356,9 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& f
     }
   }
   result.state = smoother_.newest();
-  result.covariance = smoother_.covariance().topLeftCorner<6, 6>();
+  const Matrix15d covariance = smoother_.covariance();
+  result.covariance = covariance.topLeftCorner<6, 6>();
+  result.velocity_covariance = covariance.block<3, 3>(6, 6);
   result.status.stamp = features.stamp;
   if (!result.is_healthy) {
     reporter_->report(Severity::kWarning, "no_match",
@@ -381,6 +396,7 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
   return implementation_->add(features, degeneracy, imu);
 }
 
+void Estimator::resume(const imu::NavState& state) { implementation_->resume(state); }
 std::optional<imu::NavState> Estimator::state() const { return implementation_->state(); }
 std::vector<Point> Estimator::local_map() const { return implementation_->local_map(); }
 std::size_t Estimator::map_voxel_count() const { return implementation_->map_voxel_count(); }

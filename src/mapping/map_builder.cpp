@@ -30,17 +30,23 @@ void MapBuilder::add(const std::vector<Point>& points, const Eigen::Isometry3d& 
   }
 }
 
-void MapBuilder::write_pcd(const std::string& path) const {
-  std::vector<float> data(4 * voxels_.size());
+std::vector<Point> MapBuilder::points() const {
+  std::vector<Point> points(voxels_.size());
   for (const auto& entry : voxels_) {
     const Voxel& voxel = entry.second;
     const float scale = 1.0F / static_cast<float>(voxel.count);
-    const Eigen::Vector3f p = (voxel_m_ * voxel.cell.cast<double>()).cast<float>() + scale * voxel.sum;
-    float* out = data.data() + 4 * static_cast<std::size_t>(voxel.order);
-    out[0] = p.x();
-    out[1] = p.y();
-    out[2] = p.z();
-    out[3] = scale * voxel.intensity_sum;
+    Point& point = points[voxel.order];
+    point.position = (voxel_m_ * voxel.cell.cast<double>()).cast<float>() + scale * voxel.sum;
+    point.intensity = scale * voxel.intensity_sum;
+  }
+  return points;
+}
+
+void MapBuilder::write_pcd(const std::string& path) const {
+  std::vector<float> data;
+  data.reserve(4 * voxels_.size());
+  for (const Point& point : points()) {
+    data.insert(data.end(), {point.position.x(), point.position.y(), point.position.z(), point.intensity});
   }
   const std::string temporary = path + ".part";
   std::ofstream out(temporary, std::ios::binary);

@@ -6,7 +6,7 @@
 #include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
 #include "fdi_lio/features/feature_extractor.hpp"
 #include "fdi_lio/imu/imu_buffer.hpp"
-#include "fdi_lio/imu/preintegration.hpp"
+#include "fdi_lio/imu/scan_interval.hpp"
 #include "fdi_lio/scan/scan_processor.hpp"
 
 namespace fdi_lio::pipeline {
@@ -48,18 +48,6 @@ class SlamPipeline::Implementation {
     return result;
   }
 
-  std::optional<imu::Preintegration> preintegrate(Stamp to) {
-    if (imu_.empty()) return std::nullopt;
-    const std::optional<imu::NavState> state = estimator_.state();
-    const Stamp from = state ? state->stamp : add_seconds(to, -config_.imu.static_duration_s);
-    const Eigen::Vector3d gyro_bias = state ? state->gyro_bias : Eigen::Vector3d::Zero();
-    const Eigen::Vector3d accel_bias = state ? state->accel_bias : Eigen::Vector3d::Zero();
-    imu::Preintegration preintegration = imu::preintegrate(
-        imu_.between(from, to), from, to, gyro_bias, accel_bias, imu::noise_of(config_.sensor), config_.imu);
-    preintegration.recent = imu_.statistics(to, config_.imu.static_duration_s);
-    return preintegration;
-  }
-
   void process_waiting() {
     Scan scan = std::move(*waiting_);
     waiting_.reset();
@@ -69,7 +57,9 @@ class SlamPipeline::Implementation {
     output.features = timed("features", [&] { return extractor_.extract(output.scan, previous_); });
     output.degeneracy =
         timed("degeneracy", [&] { return degeneracy_.estimate(output.scan, output.features, status_); });
-    const auto imu = timed("preintegration", [&] { return preintegrate(output.scan.stamp); });
+    const auto imu = timed("preintegration", [&] {
+      return imu::preintegrate_scan_interval(imu_, estimator_.state(), output.scan.stamp, config_);
+    });
     const auto estimate =
         timed("mapping", [&] { return estimator_.add(output.features, output.degeneracy, imu); });
     if (!estimate) return;

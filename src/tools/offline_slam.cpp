@@ -1,12 +1,7 @@
 #include <chrono>
 #include <csignal>
-#include <cstdio>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <iostream>
-#include <limits>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,10 +12,8 @@
 #include "fdi_lio/common/config_io.hpp"
 #include "fdi_lio/common/error.hpp"
 #include "fdi_lio/evaluation/stage_times.hpp"
-#include "fdi_lio/evaluation/trajectory_writer.hpp"
-#include "fdi_lio/mapping/map_builder.hpp"
+#include "fdi_lio/pipeline/run_directory.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
-#include "fdi_lio/version.hpp"
 
 namespace {
 
@@ -30,7 +23,8 @@ const char* const kUsage =
     "usage: offline_slam --config FILE --bag FILE... --output DIR [--set key=value]... [--start S] "
     "[--duration S]\n"
     "Runs a recording through the whole system, without a roscore, as fast as the machine allows.\n"
-    "Writes DIR/{trajectory.tum, odometry.tum, map.pcd, degeneracy.csv, timing.json, run.yaml, "
+    "Writes DIR/{trajectory.tum, odometry.tum, map.pcd, degeneracy.csv, covariance.csv, timing.json, "
+    "run.yaml, "
     "warnings.txt}.\n";
 
 volatile std::sig_atomic_t stop_requested = 0;
@@ -96,92 +90,6 @@ Options parse(int argc, char** argv) {
   return options;
 }
 
-std::ofstream open_for_writing(const std::filesystem::path& path) {
-  std::ofstream out(path);
-  if (!out) throw Error("cannot write " + path.string() + ": check that the folder may be written");
-  return out;
-}
-
-/// Everything that a run leaves behind; what is complete at any moment stays when the run is cut short.
-class RunDirectory {
- public:
-  RunDirectory(const std::string& path, const fdi_lio::Config& config)
-      : path_(make(path)),
-        config_(config),
-        trajectory_((path_ / "trajectory.tum").string()),
-        odometry_((path_ / "odometry.tum").string()),
-        degeneracy_(open_for_writing(path_ / "degeneracy.csv")),
-        map_(config.mapping.output_map_voxel_m) {
-    std::ofstream run = open_for_writing(path_ / "run.yaml");
-    run << "# fdi_lio " << fdi_lio::kVersion << ", every parameter as used\n";
-    fdi_lio::write_config(config, run);
-    degeneracy_ << "stamp,fdi,structural,sparse,dynamic,weight_structural,weight_sparse,weight_dynamic,class,"
-                   "geometric_complexity,curvature_complexity,point_entropy,plane_deviation,gradient_mean,"
-                   "gradient_variation,planes,edges,matched,iterations,residual_rms\n";
-    degeneracy_.precision(std::numeric_limits<double>::max_digits10);
-  }
-
-  void add(const fdi_lio::pipeline::ScanOutput& output) {
-    const auto& state = output.estimate.state;
-    trajectory_.add(state.stamp, state.q_odom_imu, state.t_odom_imu);
-    odometry_.add(state.stamp, state.q_odom_imu, state.t_odom_imu);
-    write_degeneracy(output);
-    if (output.estimate.is_keyframe)
-      map_.add(output.scan.points, state.T_odom_imu() * config_.sensor.T_imu_lidar());
-    ++scans_;
-  }
-
-  void write_map() const { map_.write_pcd((path_ / "map.pcd").string()); }
-
-  void write_timing(const fdi_lio::evaluation::StageTimes& times, double wall_s, double bag_s) const {
-    std::ofstream out = open_for_writing(path_ / "timing.json");
-    times.write_json(out, wall_s, bag_s);
-  }
-
-  void write_warnings(const fdi_lio::Reporter& reporter) const {
-    std::ofstream out = open_for_writing(path_ / "warnings.txt");
-    for (const auto& entry : reporter.notices()) {
-      if (entry.second.severity == fdi_lio::Severity::kInfo) continue;
-      out << entry.second.count << " x " << entry.second.text << "\n";
-    }
-  }
-
-  std::size_t scans() const { return scans_; }
-
- private:
-  static std::filesystem::path make(const std::string& path) {
-    std::error_code error;
-    std::filesystem::create_directories(path, error);
-    if (!std::filesystem::is_directory(path)) {
-      throw Error("cannot make the output folder " + path + ": " + error.message());
-    }
-    return path;
-  }
-
-  void write_degeneracy(const fdi_lio::pipeline::ScanOutput& output) {
-    static constexpr const char* kClasses[] = {"structured", "sparse", "dynamic", "mixed"};
-    const auto& d = output.degeneracy;
-    const auto& m = d.metrics;
-    char stamp[32];
-    std::snprintf(stamp, sizeof(stamp), "%.6f", fdi_lio::to_seconds(output.estimate.state.stamp));
-    degeneracy_ << stamp << ',' << d.fdi << ',' << d.sub_factors[0] << ',' << d.sub_factors[1] << ','
-                << d.sub_factors[2] << ',' << d.weights[0] << ',' << d.weights[1] << ',' << d.weights[2]
-                << ',' << kClasses[static_cast<int>(d.environment)] << ',' << m.geometric_complexity << ','
-                << m.curvature_complexity << ',' << m.point_entropy << ',' << m.plane_deviation_m << ','
-                << m.gradient_mean << ',' << m.gradient_variation << ',' << output.features.planes.size()
-                << ',' << output.features.edges.size() << ',' << output.estimate.status.matched << ','
-                << output.estimate.status.iterations << ',' << output.estimate.status.residual_rms_m << '\n';
-  }
-
-  std::filesystem::path path_;
-  fdi_lio::Config config_;
-  fdi_lio::evaluation::TrajectoryWriter trajectory_;
-  fdi_lio::evaluation::TrajectoryWriter odometry_;
-  std::ofstream degeneracy_;
-  fdi_lio::mapping::MapBuilder map_;
-  std::size_t scans_ = 0;
-};
-
 void print_new(fdi_lio::Reporter* reporter) {
   static constexpr const char* kNames[] = {"info", "warning", "error"};
   for (const fdi_lio::Notice& notice : reporter->take_new()) {
@@ -198,11 +106,17 @@ int run(const Options& options) {
                                     static_cast<std::size_t>(config.threads));
   fdi_lio::Reporter reporter;
   fdi_lio::tools::BagSource source(options.bags, config.sensor, &reporter);
-  RunDirectory directory(options.output, config);
+  fdi_lio::pipeline::RunDirectory directory(options.output, config);
+  fdi_lio::mapping::MapBuilder map(config.mapping.output_map_voxel_m);
   fdi_lio::evaluation::StageTimes times;
   const auto on_timing = [&times](const std::string& stage, double ms) { times.add(stage, ms); };
   fdi_lio::pipeline::SlamPipeline pipeline(
-      config, &reporter, [&](const fdi_lio::pipeline::ScanOutput& output) { directory.add(output); },
+      config, &reporter,
+      [&](const fdi_lio::pipeline::ScanOutput& output) {
+        directory.add(output);
+        if (output.estimate.is_keyframe)
+          map.add(output.scan.points, output.estimate.state.T_odom_imu() * config.sensor.T_imu_lidar());
+      },
       on_timing);
 
   const double bag_s = source.duration_s(options.start_s, options.duration_s);
@@ -222,7 +136,7 @@ int run(const Options& options) {
   pipeline.finish();
   progress.finish();
   print_new(&reporter);
-  directory.write_map();
+  directory.write_map(map);
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   directory.write_timing(times, wall_s, read_s);
   directory.write_warnings(reporter);

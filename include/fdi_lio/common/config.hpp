@@ -45,7 +45,12 @@ struct FrameConfig {
   std::string base_link = "base_link";
   std::string imu = "imu_link";
   bool publish_tf = true;
+  std::string extrinsics = "parameters";  // parameters | tf
+  std::string sensor_tf = "auto";         // auto | always | never
+  Eigen::Vector3d t_base_imu = Eigen::Vector3d::Zero();
+  Eigen::Quaterniond q_base_imu = Eigen::Quaterniond::Identity();
 
+  Eigen::Isometry3d T_base_imu() const;
   void visit(ParameterVisitor& visitor);
 };
 
@@ -108,6 +113,18 @@ struct MappingConfig {
   void visit(ParameterVisitor& visitor);
 };
 
+/// How the nodes exchange messages.
+struct NodeConfig {
+  double answer_timeout_s = 0.3;
+  int scan_queue = 50;
+  double local_map_period_s = 2.0;
+  double global_map_period_s = 5.0;
+  double global_map_voxel_m = 0.4;
+  int path_poses = 5000;
+
+  void visit(ParameterVisitor& visitor);
+};
+
 /// Every parameter of the system.
 struct Config {
   SensorConfig sensor;
@@ -116,6 +133,7 @@ struct Config {
   FeatureConfig features;
   MappingConfig mapping;
   degeneracy::DegeneracyConfig degeneracy;
+  NodeConfig nodes;
   int threads = 2;
 
   void visit(ParameterVisitor& visitor);

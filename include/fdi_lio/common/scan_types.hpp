@@ -23,7 +23,7 @@ struct Point {
 struct DropCounts {
   std::size_t non_finite = 0;
   std::size_t zero = 0;
-  std::size_t out_of_range = 0;
+  std::size_t out_of_range = 0;  ///< of distance, or of the ring's number
   std::size_t duplicate = 0;
 
   std::size_t total() const { return non_finite + zero + out_of_range + duplicate; }
@@ -34,8 +34,9 @@ struct Scan {
   Stamp stamp = 0;          ///< reference stamp: time of the last point
   double duration_s = 0.0;  ///< from the first to the last point; 0 when the cloud has no time
   std::vector<Point> points;
-  bool has_time = false;       ///< false: already deskewed, or time could not be reconstructed
-  bool has_intensity = false;  ///< false: intensity is absent, and all zero here
+  bool has_time = false;           ///< false: already deskewed, or time could not be reconstructed
+  bool time_from_azimuth = false;  ///< the cloud had no usable time: it was reconstructed
+  bool has_intensity = false;      ///< false: intensity is absent, and all zero here
   std::uint16_t ring_count = 0;
   DropCounts dropped;
 };

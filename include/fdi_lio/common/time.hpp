@@ -1,7 +1,10 @@
 #pragma once
 
+#include <cinttypes>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
+#include <string>
 
 namespace fdi_lio {
 
@@ -25,5 +28,13 @@ inline Stamp add_seconds(Stamp stamp, double seconds) { return stamp + to_nanose
 
 /// A stamp as seconds, for messages to people and for files; loses about 0.2 microseconds on today's dates.
 inline double to_seconds(Stamp stamp) { return static_cast<double>(stamp) / kNanosecondsPerSecond; }
+
+/// A non-negative stamp as decimal seconds with all nine digits, for files.
+inline std::string stamp_text(Stamp stamp) {
+  constexpr Stamp kBillion = 1000000000;
+  char text[32];
+  std::snprintf(text, sizeof(text), "%" PRId64 ".%09" PRId64, stamp / kBillion, stamp % kBillion);
+  return text;
+}
 
 }  // namespace fdi_lio

@@ -17,7 +17,8 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 /// What one scan gave.
 struct EstimateResult {
   imu::NavState state;                         ///< at the scan's reference stamp
-  Matrix6d covariance = Matrix6d::Identity();  ///< of T_odom_imu, order [dtheta, dt]
+  Matrix6d covariance = Matrix6d::Identity();  ///< of T_odom_imu, order [dtheta (body), dt (odom)]
+  Eigen::Matrix3d velocity_covariance = Eigen::Matrix3d::Identity();  ///< in odom axes
   degeneracy::OptimisationStatus status;
   bool is_keyframe = false;
   bool is_healthy = true;  ///< false: no match was possible, the pose is a prediction
@@ -37,6 +38,10 @@ class Estimator {
   /// the previous one.
   std::optional<EstimateResult> add(const FeatureSet& features, const degeneracy::Degeneracy& degeneracy,
                                     const std::optional<imu::Preintegration>& imu);
+
+  /// Starts from a state that is known from before a restart, instead of from rest at the origin of `odom`.
+  /// Only before the first scan; its stamp is that of the first scan.
+  void resume(const imu::NavState& state);
 
   /// The newest state; nothing before the first scan.
   std::optional<imu::NavState> state() const;

@@ -1,37 +1,15 @@
 #pragma once
 
-#include <cstdint>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/scan/cloud_layout.hpp"
+#include "fdi_lio/scan/point_times.hpp"
 
 namespace fdi_lio::scan {
-
-/// One field of a cloud; `datatype` has the codes of sensor_msgs/PointField (1 int8 ... 8 float64).
-struct RawField {
-  std::string name;
-  std::uint32_t offset = 0;
-  std::uint8_t datatype = 0;
-  std::uint32_t count = 1;
-};
-
-/// A view of a driver's cloud; `data` must outlive it.
-struct RawCloud {
-  Stamp stamp = 0;
-  std::string frame_id;
-  std::uint32_t width = 0;
-  std::uint32_t height = 0;
-  std::uint32_t point_step = 0;
-  std::uint32_t row_step = 0;
-  bool is_bigendian = false;
-  std::vector<RawField> fields;
-  const std::uint8_t* data = nullptr;
-  std::size_t data_size = 0;
-};
 
 /// Turns clouds of any driver into scans. The layout is recognised from the fields: ring as `ring`, `channel`
 /// or `line`, time as `time`, `t`, `timestamp`, `time_stamp` or `offset_time`, each of any number type; the
@@ -42,21 +20,20 @@ class PointCloudReader {
  public:
   PointCloudReader(const SensorConfig& sensor, Reporter* reporter);
 
-  /// The scan; nothing (and a report) when the cloud cannot be used.
+  /// The scan, in the lidar frame, stamped with its last point; nothing (and a report) when the cloud cannot
+  /// be used. Points that are not finite, at the origin, out of range, of an impossible ring, or equal to the
+  /// one before on their ring are dropped and counted in the scan.
   std::optional<Scan> read(const RawCloud& cloud);
 
  private:
-  struct Layout;
-  bool check(const RawCloud& cloud);
-  void report_layout(const Layout& layout, double seconds_per_unit);
-  double seconds_per_unit(double span);
-  void add_points(const RawCloud& cloud, const Layout& layout, std::vector<double>* times, Scan* scan);
-  void set_times(const RawCloud& cloud, const std::vector<double>& times, bool is_integer, Scan* scan);
-  void set_times_by_azimuth(const RawCloud& cloud, Scan* scan);
+  void report_layout(const CloudLayout& layout);
+  void add_points(const RawCloud& cloud, const CloudLayout& layout, RawTimes* times, Scan* scan);
+  void set_times_by_azimuth(Stamp header, Scan* scan) const;
 
   SensorConfig sensor_;
   Reporter* reporter_;
-  double seconds_per_unit_ = 0.0;  ///< of the time field; 0 until known
+  PointClock clock_;
+  std::vector<Eigen::Vector3f> last_of_ring_;  ///< to find duplicates; kept to save the allocation
 };
 
 }  // namespace fdi_lio::scan

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <optional>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/imu/imu_buffer.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+
+namespace fdi_lio::imu {
+
+/// The work of the imu_preintegration node for one scan: readings from the newest estimate `state` to the
+/// scan's stamp `to`, preintegrated at the biases of `state`, with the statistics of the last
+/// `imu.static_duration` seconds. Before the first estimate the interval is that stretch. Nothing when the
+/// buffer has never held a reading.
+std::optional<Preintegration> preintegrate_scan_interval(const ImuBuffer& imu,
+                                                         const std::optional<NavState>& state, Stamp to,
+                                                         const Config& config);
+
+}  // namespace fdi_lio::imu

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/evaluation/stage_times.hpp"
+#include "fdi_lio/evaluation/trajectory_writer.hpp"
+#include "fdi_lio/mapping/map_builder.hpp"
+#include "fdi_lio/pipeline/slam_pipeline.hpp"
+
+namespace fdi_lio::pipeline {
+
+/// Everything that a run leaves behind. What is complete at any moment stays when the run is cut short:
+/// trajectories and tables grow line by line, the map is written when asked for.
+class RunDirectory {
+ public:
+  /// Makes the folder `path` and opens its files; `run.yaml` is written at once. Throws Error when the folder
+  /// cannot be made or written.
+  RunDirectory(const std::string& path, const Config& config);
+
+  /// Appends one scan to trajectory.tum, odometry.tum, degeneracy.csv and covariance.csv. Throws Error when
+  /// the disk takes no more.
+  void add(const ScanOutput& output);
+
+  /// map.pcd; written under another name first and then renamed.
+  void write_map(const mapping::MapBuilder& map) const;
+
+  /// timing.json: `wall_s` and `bag_s` are the seconds that passed and the seconds of data.
+  void write_timing(const evaluation::StageTimes& times, double wall_s, double bag_s) const;
+
+  /// warnings.txt: warnings and errors with their counts.
+  void write_warnings(const Reporter& reporter) const;
+
+  std::size_t scans() const { return scans_; }
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  void write_degeneracy(const ScanOutput& output);
+  void write_covariance(const mapping::EstimateResult& estimate);
+
+  std::filesystem::path path_;
+  evaluation::TrajectoryWriter trajectory_;
+  evaluation::TrajectoryWriter odometry_;
+  std::ofstream degeneracy_;
+  std::ofstream covariance_;
+  std::size_t scans_ = 0;
+};
+
+}  // namespace fdi_lio::pipeline

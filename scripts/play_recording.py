@@ -1,0 +1,99 @@
+#!/usr/bin/python3
+"""Plays a recording to the nodes and ends when its last scan has been mapped.
+
+Waits until all nodes listen, so that nothing of the beginning is lost, starts `rosbag play --clock`, and after its end
+waits until mapping has been silent for a while. Made for fdi_lio.launch.
+"""
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import rospy
+from fdi_lio.msg import EstimatorState
+
+NODES_TIMEOUT_S = 60.0
+SILENCE_S = 2.0
+
+
+def parse_arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("bags", nargs="+", metavar="BAG")
+    parser.add_argument("--rate", type=float, default=1.0, help="speed of playing")
+    parser.add_argument("--start", type=float, default=0.0, help="seconds to skip")
+    parser.add_argument("--duration", type=float, default=0.0, help="seconds to play; 0: to the end")
+    return parser.parse_args(rospy.myargv()[1:])
+
+
+def check(arguments):
+    """What cannot be played ends the script with a message."""
+    if arguments.rate <= 0:
+        sys.exit("play_recording: --rate is %g, must be above 0" % arguments.rate)
+    for path in arguments.bags:
+        if not os.path.isfile(path):
+            sys.exit("play_recording: there is no recording %s" % path)
+
+
+def wait_for_nodes():
+    """Waits until mapping has both of its neighbours, and scan_deskew runs."""
+    probe = rospy.Publisher("mapping/state", EstimatorState, queue_size=1)
+    deadline = time.monotonic() + NODES_TIMEOUT_S
+    # imu_preintegration and scan_deskew listen to the state once they are ready for data.
+    while probe.get_num_connections() < 2 and not rospy.is_shutdown():
+        if time.monotonic() > deadline:
+            sys.exit("play_recording: the nodes did not start within %.0f s" % NODES_TIMEOUT_S)
+        time.sleep(0.05)
+    probe.unregister()
+
+
+class MappingWatch:
+    """When mapping last answered, in steady time."""
+
+    def __init__(self):
+        self.last = time.monotonic()
+        self.count = 0
+        self.subscriber = rospy.Subscriber("mapping/state", EstimatorState, self.on_state, queue_size=50)
+
+    def on_state(self, _message):
+        self.last = time.monotonic()
+        self.count += 1
+
+
+def play(arguments):
+    command = ["rosbag", "play", "--clock", "--quiet", "--rate", str(arguments.rate)]
+    if arguments.start > 0:
+        command += ["--start", str(arguments.start)]
+    if arguments.duration > 0:
+        command += ["--duration", str(arguments.duration)]
+    player = subprocess.Popen(command + arguments.bags)
+    while player.poll() is None and not rospy.is_shutdown():
+        time.sleep(0.1)
+    if player.poll() is None:
+        player.send_signal(signal.SIGINT)
+        player.wait()
+    return player.returncode
+
+
+def main():
+    arguments = parse_arguments()
+    check(arguments)
+    rospy.init_node("play_recording", disable_signals=False)
+    wait_for_nodes()
+    watch = MappingWatch()
+    code = play(arguments)
+    if code != 0:
+        return code
+    watch.last = time.monotonic()
+    while time.monotonic() - watch.last < SILENCE_S and not rospy.is_shutdown():
+        time.sleep(0.1)
+    rospy.loginfo("the recording has ended; mapping answered %d scans", watch.count)
+    if watch.count == 0:
+        rospy.logerr("mapping answered no scan: does the recording have the topics of the parameter file?")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <deque>
+#include <optional>
+
+#include "node_base.hpp"
+
+#include "fdi_lio/common/answer_gate.hpp"
+#include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
+#include <fdi_lio/DeskewedCloud.h>
+#include <fdi_lio/Features.h>
+#include <fdi_lio/OptimisationStatus.h>
+
+namespace fdi_lio::nodes {
+
+/// degeneracy_estimation: the Degeneracy of each scan from the scan, its features, and what mapping found
+/// about the scan before. When mapping does not answer in time its newest status is used.
+class DegeneracyEstimation : public NodeBase {
+ protected:
+  void start() override;
+  void check_waiting() override;
+  void fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* status) override;
+
+ private:
+  void on_scan(const DeskewedCloudConstPtr& message);
+  void on_features(const FeaturesConstPtr& message);
+  void on_status(const OptimisationStatusConstPtr& message);
+  bool process_front();
+
+  std::optional<degeneracy::DegeneracyEstimator> estimator_;
+  std::optional<AnswerGate> status_gate_;
+  std::optional<degeneracy::OptimisationStatus> status_;
+  std::optional<Stamp> previous_scan_;
+  std::deque<DeskewedCloudConstPtr> scans_;
+  std::deque<FeaturesConstPtr> features_;
+  SteadyClock::time_point front_since_;
+  ros::Subscriber scan_subscriber_, features_subscriber_, status_subscriber_;
+  ros::Publisher degeneracy_publisher_;
+};
+
+}  // namespace fdi_lio::nodes

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <deque>
+#include <optional>
+#include <string>
+
+#include "node_base.hpp"
+#include "sensor_frames.hpp"
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/PointCloud2.h>
+
+#include "fdi_lio/common/answer_gate.hpp"
+#include "fdi_lio/imu/imu_buffer.hpp"
+#include "fdi_lio/scan/point_cloud_reader.hpp"
+#include "fdi_lio/scan/scan_processor.hpp"
+#include "fdi_lio/scan/stamp_guard.hpp"
+#include <fdi_lio/EstimatorState.h>
+
+namespace fdi_lio::nodes {
+
+/// scan_deskew: clouds in, deskewed and filtered scans out. A scan waits until the IMU has reached its last
+/// point, or the next scan comes, and until mapping has answered the scan before. Scans that wait are kept
+/// up to `nodes.scan_queue`; what is dropped beyond that is counted.
+class ScanDeskew : public NodeBase {
+ protected:
+  void start() override;
+  void check_waiting() override;
+  void fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* status) override;
+
+ private:
+  void on_cloud(const sensor_msgs::PointCloud2ConstPtr& message);
+  void on_imu(const sensor_msgs::ImuConstPtr& message);
+  void on_state(const EstimatorStateConstPtr& message);
+  bool prepare();
+  bool process_front();
+  void publish(const Scan& raw, const DeskewedScan& scan);
+
+  std::optional<imu::ImuBuffer> imu_;
+  std::optional<scan::PointCloudReader> reader_;
+  std::optional<scan::ScanProcessor> processor_;
+  std::optional<AnswerGate> state_gate_;
+  std::optional<SensorFrames> frames_;
+  scan::StampGuard guard_;
+  std::optional<imu::NavState> state_;
+  std::optional<Stamp> previous_scan_;
+  std::deque<Scan> scans_;
+  SteadyClock::time_point front_since_;
+  std::string lidar_frame_;
+  std::uint32_t lost_scans_ = 0;
+  ros::Subscriber cloud_subscriber_, imu_subscriber_, state_subscriber_;
+  ros::Publisher info_publisher_, scan_publisher_, points_publisher_, removed_publisher_;
+};
+
+}  // namespace fdi_lio::nodes

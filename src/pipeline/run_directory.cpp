@@ -1,0 +1,110 @@
+#include "fdi_lio/pipeline/run_directory.hpp"
+
+#include <limits>
+
+#include "fdi_lio/common/config_io.hpp"
+#include "fdi_lio/common/error.hpp"
+#include "fdi_lio/version.hpp"
+
+namespace fdi_lio::pipeline {
+
+namespace {
+
+std::filesystem::path make_folder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (!std::filesystem::is_directory(path, error)) {
+    throw Error("cannot make the output folder " + path + ": " + error.message());
+  }
+  return path;
+}
+
+std::ofstream open_for_writing(const std::filesystem::path& path) {
+  std::ofstream out(path);
+  if (!out) throw Error("cannot write " + path.string() + ": check that the folder may be written");
+  return out;
+}
+
+void check_written(const std::ofstream& out, const std::filesystem::path& path) {
+  if (!out) throw Error("cannot write " + path.string() + ": is the disk full?");
+}
+
+}  // namespace
+
+RunDirectory::RunDirectory(const std::string& path, const Config& config)
+    : path_(make_folder(path)),
+      trajectory_((path_ / "trajectory.tum").string()),
+      odometry_((path_ / "odometry.tum").string()),
+      degeneracy_(open_for_writing(path_ / "degeneracy.csv")),
+      covariance_(open_for_writing(path_ / "covariance.csv")) {
+  std::ofstream run = open_for_writing(path_ / "run.yaml");
+  run << "# fdi_lio " << kVersion << ", every parameter as used\n";
+  write_config(config, run);
+  run.flush();
+  check_written(run, path_ / "run.yaml");
+  degeneracy_ << "stamp,fdi,structural,sparse,dynamic,weight_structural,weight_sparse,weight_dynamic,class,"
+                 "geometric_complexity,curvature_complexity,point_entropy,plane_deviation,gradient_mean,"
+                 "gradient_variation,planes,edges,matched,iterations,residual_rms\n";
+  degeneracy_.precision(std::numeric_limits<double>::max_digits10);
+  covariance_ << "stamp";
+  for (int row = 0; row < 6; ++row) {
+    for (int column = row; column < 6; ++column) covariance_ << ",c" << row << column;
+  }
+  covariance_ << '\n';
+}
+
+void RunDirectory::add(const ScanOutput& output) {
+  const imu::NavState& state = output.estimate.state;
+  trajectory_.add(state.stamp, state.q_odom_imu, state.t_odom_imu);
+  odometry_.add(state.stamp, state.q_odom_imu, state.t_odom_imu);
+  write_degeneracy(output);
+  write_covariance(output.estimate);
+  ++scans_;
+}
+
+void RunDirectory::write_degeneracy(const ScanOutput& output) {
+  static constexpr const char* kClasses[] = {"structured", "sparse", "dynamic", "mixed"};
+  const degeneracy::Degeneracy& d = output.degeneracy;
+  const degeneracy::Metrics& m = d.metrics;
+  degeneracy_ << stamp_text(output.estimate.state.stamp) << ',' << d.fdi << ',' << d.sub_factors[0] << ','
+              << d.sub_factors[1] << ',' << d.sub_factors[2] << ',' << d.weights[0] << ',' << d.weights[1]
+              << ',' << d.weights[2] << ',' << kClasses[static_cast<int>(d.environment)] << ','
+              << m.geometric_complexity << ',' << m.curvature_complexity << ',' << m.point_entropy << ','
+              << m.plane_deviation_m << ',' << m.gradient_mean << ',' << m.gradient_variation << ','
+              << output.features.planes.size() << ',' << output.features.edges.size() << ','
+              << output.estimate.status.matched << ',' << output.estimate.status.iterations << ','
+              << output.estimate.status.residual_rms_m << '\n';
+  check_written(degeneracy_, path_ / "degeneracy.csv");
+}
+
+void RunDirectory::write_covariance(const mapping::EstimateResult& estimate) {
+  covariance_ << stamp_text(estimate.state.stamp);
+  for (int row = 0; row < 6; ++row) {
+    for (int column = row; column < 6; ++column) covariance_ << ',' << estimate.covariance(row, column);
+  }
+  covariance_ << '\n';
+  check_written(covariance_, path_ / "covariance.csv");
+}
+
+void RunDirectory::write_map(const mapping::MapBuilder& map) const {
+  map.write_pcd((path_ / "map.pcd").string());
+}
+
+void RunDirectory::write_timing(const evaluation::StageTimes& times, double wall_s, double bag_s) const {
+  std::ofstream out = open_for_writing(path_ / "timing.json");
+  times.write_json(out, wall_s, bag_s);
+  out.flush();
+  check_written(out, path_ / "timing.json");
+}
+
+void RunDirectory::write_warnings(const Reporter& reporter) const {
+  std::ofstream out = open_for_writing(path_ / "warnings.txt");
+  for (const auto& entry : reporter.notices()) {
+    if (entry.second.severity == Severity::kInfo) continue;
+    out << entry.second.count << " x " << entry.second.text << "\n";
+  }
+  out.flush();
+  check_written(out, path_ / "warnings.txt");
+}
+
+}  // namespace fdi_lio::pipeline

@@ -1,0 +1,32 @@
+#include "fdi_lio/scan/stamp_guard.hpp"
+
+#include <cmath>
+
+namespace fdi_lio::scan {
+
+namespace {
+constexpr double kJumpS = 10.0;
+constexpr double kConfirmS = 1.0;
+}  // namespace
+
+StampVerdict StampGuard::check(Stamp stamp) {
+  if (!newest_) {
+    newest_ = stamp;
+    return StampVerdict::kAccept;
+  }
+  const double step = seconds_between(*newest_, stamp);
+  if (std::abs(step) <= kJumpS) {
+    jump_.reset();
+    if (step <= 0.0) return StampVerdict::kDrop;
+    newest_ = stamp;
+    return StampVerdict::kAccept;
+  }
+  const double since_jump = jump_ ? seconds_between(*jump_, stamp) : 0.0;
+  jump_ = stamp;
+  if (since_jump <= 0.0 || since_jump > kConfirmS) return StampVerdict::kDrop;
+  newest_ = stamp;
+  jump_.reset();
+  return StampVerdict::kRestart;
+}
+
+}  // namespace fdi_lio::scan
