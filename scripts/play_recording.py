@@ -11,10 +11,15 @@ import subprocess
 import sys
 import time
 
+import rosgraph
 import rospy
 from fdi_lio.msg import EstimatorState
 
+TOPICS = ("scan/deskewed", "scan/info", "imu/preintegrated", "features/all", "degeneracy", "mapping/status",
+          "mapping/state")
 NODES_TIMEOUT_S = 60.0
+# Between advertising the recording's topics and its first message.
+CONNECT_S = 1.0
 SILENCE_S = 2.0
 
 
@@ -37,15 +42,19 @@ def check(arguments):
 
 
 def wait_for_nodes():
-    """Waits until mapping has both of its neighbours, and scan_deskew runs."""
-    probe = rospy.Publisher("mapping/state", EstimatorState, queue_size=1)
+    """Waits until every topic between the nodes has somebody who sends and somebody who listens."""
+    master = rosgraph.Master(rospy.get_name())
     deadline = time.monotonic() + NODES_TIMEOUT_S
-    # imu_preintegration and scan_deskew listen to the state once they are ready for data.
-    while probe.get_num_connections() < 2 and not rospy.is_shutdown():
+    needed = {rospy.resolve_name(topic) for topic in TOPICS}
+    while not rospy.is_shutdown():
+        publishers, subscribers, _ = master.getSystemState()
+        missing = needed - {topic for topic, _ in publishers} & {topic for topic, _ in subscribers}
+        if not missing:
+            return
         if time.monotonic() > deadline:
-            sys.exit("play_recording: the nodes did not start within %.0f s" % NODES_TIMEOUT_S)
-        time.sleep(0.05)
-    probe.unregister()
+            sys.exit("play_recording: nobody sends or listens on %s after %.0f s: did all nodes start?" %
+                     (", ".join(sorted(missing)), NODES_TIMEOUT_S))
+        time.sleep(0.1)
 
 
 class MappingWatch:
@@ -62,7 +71,7 @@ class MappingWatch:
 
 
 def play(arguments):
-    command = ["rosbag", "play", "--clock", "--quiet", "--rate", str(arguments.rate)]
+    command = ["rosbag", "play", "--clock", "--quiet", "--delay", str(CONNECT_S), "--rate", str(arguments.rate)]
     if arguments.start > 0:
         command += ["--start", str(arguments.start)]
     if arguments.duration > 0:

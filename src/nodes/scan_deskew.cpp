@@ -11,9 +11,12 @@ namespace fdi_lio::nodes {
 
 namespace {
 constexpr double kKeptReadingsS = 30.0;
-}
+/// How long the first scan waits until the other nodes have connected: what is sent before is lost to them.
+constexpr double kConnectS = 2.0;
+}  // namespace
 
 void ScanDeskew::start() {
+  started_ = SteadyClock::now();
   imu_.emplace(config().sensor, reporter());
   reader_.emplace(config().sensor, reporter());
   state_gate_.emplace(config().nodes.answer_timeout_s);
@@ -83,6 +86,8 @@ void ScanDeskew::on_cloud(const sensor_msgs::PointCloud2ConstPtr& message) {
 
 bool ScanDeskew::prepare() {
   if (processor_) return true;
+  const bool is_heard = info_publisher_.getNumSubscribers() > 0 && scan_publisher_.getNumSubscribers() > 2;
+  if (!is_heard && seconds_since(started_) < kConnectS) return false;
   const auto T_imu_lidar = frames_->T_imu_lidar(lidar_frame_);
   if (!T_imu_lidar) return false;
   Config known = config();

@@ -44,6 +44,7 @@ class ScanDeskew : public NodeBase {
   std::optional<imu::NavState> state_;
   std::optional<Stamp> previous_scan_;
   std::deque<Scan> scans_;
+  SteadyClock::time_point started_;
   SteadyClock::time_point front_since_;
   std::string lidar_frame_;
   std::uint32_t lost_scans_ = 0;

@@ -1,0 +1,201 @@
+#!/usr/bin/python3
+"""The real nodes over real topics: the same result as offline_slam, restarts, tf, bad parameters.
+
+usage: test_nodes.py BIN_DIR SOURCE_DIR
+"""
+import filecmp
+import os
+import pathlib
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import xmlrpc.client
+
+import numpy as np
+
+BIN = pathlib.Path()
+SOURCE = pathlib.Path()
+DURATION_S = 15
+NODES = ("imu_preintegration", "scan_deskew", "feature_extraction", "degeneracy_estimation", "mapping_optimization")
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Launch:
+    """roslaunch with a master of its own."""
+
+    def __init__(self, *arguments, home):
+        self.port = free_port()
+        self.environment = dict(os.environ, ROS_MASTER_URI=f"http://127.0.0.1:{self.port}", ROS_HOSTNAME="127.0.0.1",
+                                ROS_HOME=str(home), PYTHONUNBUFFERED="1")
+        self.log = home / f"launch_{self.port}.log"
+        with open(self.log, "w", encoding="utf-8") as log:
+            self.process = subprocess.Popen(
+                ["roslaunch", "-p", str(self.port), str(SOURCE / "launch/fdi_lio.launch"), *map(str, arguments)],
+                env=self.environment, stdout=log, stderr=subprocess.STDOUT)
+        deadline = time.monotonic() + 30
+        with xmlrpc.client.ServerProxy(self.environment["ROS_MASTER_URI"]) as master:
+            while True:
+                try:
+                    master.getPid("/test_nodes")
+                    return
+                except OSError:
+                    if time.monotonic() > deadline:
+                        raise
+                    time.sleep(0.05)
+
+    def run(self, *command):
+        return subprocess.run(command, env=self.environment, capture_output=True, text=True, check=False, timeout=60)
+
+    def wait(self, timeout_s=180):
+        self.process.wait(timeout_s)
+        return self.text()
+
+    def stop(self):
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        self.process.wait(60)
+        return self.text()
+
+    def text(self):
+        return self.log.read_text(encoding="utf-8")
+
+    def wait_for_topic(self, topic, message_count=1, timeout_s=60):
+        done = subprocess.run(["timeout", str(timeout_s), "rostopic", "echo", "-n", str(message_count), topic],
+                              env=self.environment, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise AssertionError(f"no message on {topic}: {done.stderr}\n{self.text()}")
+        return done.stdout
+
+
+def read_tum(path):
+    return np.loadtxt(path, ndmin=2)
+
+
+class Nodes(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.path = pathlib.Path(cls.folder.name)
+        cls.bag = cls.path / "street.bag"
+        subprocess.run(
+            [BIN / "simulate_bag", "--scenario", SOURCE / "config/scenarios/street.yaml", "--seed", "8", "--output",
+             cls.bag, "--duration", str(DURATION_S), "--set", "lidar.model=vlp16"], check=True, capture_output=True)
+        cls.config = cls.path / "street.config.yaml"
+        subprocess.run([BIN / "offline_slam", "--config", cls.config, "--bag", cls.bag, "--output",
+                        cls.path / "offline"], check=True, capture_output=True)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def launch(self, *arguments):
+        launch = Launch(f"config:={self.config}", *arguments, home=self.path)
+        self.addCleanup(launch.stop)
+        return launch
+
+    def play(self, name, *arguments):
+        return self.launch(f"bag:={self.bag}", f"output:={self.path / name}", "exit_at_end:=true", *arguments)
+
+    def expect_same_as_offline(self, name):
+        for file in ("trajectory.tum", "odometry.tum", "degeneracy.csv", "covariance.csv", "map.pcd"):
+            self.assertTrue(filecmp.cmp(self.path / "offline" / file, self.path / name / file, shallow=False), file)
+
+    def test_five_processes_compute_what_one_does(self):
+        launch = self.play("processes")
+        text = launch.wait()
+        self.assertIn("recording has ended", text)
+        self.expect_same_as_offline("processes")
+
+    def test_five_nodelets_compute_what_one_process_does(self):
+        self.play("nodelets", "nodelet:=true").wait()
+        self.expect_same_as_offline("nodelets")
+
+    def test_every_imu_message_is_answered_and_odometry_does_not_jump(self):
+        launch = self.play("rate")
+        lines = self.path / "odometry.txt"
+        record = subprocess.Popen(["/usr/bin/python3", SOURCE / "test/nodes/record_odometry.py", lines],
+                                  env=launch.environment)
+        launch.wait()
+        record.terminate()
+        record.wait(60)
+        readings, imu_rate, lidar_rate = [], {}, {}
+        for line in lines.read_text(encoding="utf-8").splitlines():
+            name, stamp, *position = line.split()
+            if name == "imu":
+                readings.append(int(stamp))
+                continue
+            target = imu_rate if name == "imu_odometry" else lidar_rate
+            self.assertNotIn(int(stamp), target)
+            target[int(stamp)] = np.array([float(number) for number in position])
+        first = min(imu_rate)
+        missing = [stamp for stamp in readings if stamp >= first and stamp not in imu_rate]
+        self.assertEqual(missing, [])
+        stamps = np.array(sorted(imu_rate))
+        positions = np.array([imu_rate[stamp] for stamp in stamps])
+        steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+        speed = np.abs(steps / (np.diff(stamps) * 1e-9))
+        # 13 m/s are driven; a correction of more than 5 cm at a scan would be seen as 5 m/s more.
+        self.assertLess(speed.max(), 13.0 * 1.25 + 5.0)
+        self.assertGreater(len(lidar_rate), 10 * DURATION_S - 15)
+
+    def test_each_node_may_be_restarted_while_the_others_run(self):
+        truth = read_tum(self.path / "street.tum")
+        for node in NODES:
+            with self.subTest(node=node):
+                launch = self.play(f"restart_{node}")
+                launch.wait_for_topic("/fdi_lio/odometry/lidar/header", 60)
+                self.assertEqual(launch.run("rosnode", "kill", f"/fdi_lio/{node}").returncode, 0)
+                launch.wait()
+                parts = sorted(self.path.glob(f"restart_{node}*/trajectory.tum"), key=lambda part: part.stat().st_ctime)
+                estimate = np.vstack([read_tum(part) for part in parts if len(part.read_text().splitlines()) > 2])
+                self.assertTrue(np.isfinite(estimate).all())
+                # What was played while the node was away, and a moment to get going, may be missing, no more.
+                self.assertGreater(estimate[-1, 0], truth[-1, 0] - 0.3)
+                self.assertGreater(len(estimate), 10 * (DURATION_S - 5))
+                q = np.stack([np.interp(estimate[:, 0], truth[:, 0], truth[:, k]) for k in (1, 2, 3)], axis=1)
+                moved = np.linalg.norm(estimate[-1, 1:4] - estimate[0, 1:4])
+                self.assertLess(abs(moved - np.linalg.norm(q[-1] - q[0])), 1.0)
+
+    def transform(self, launch, target, source):
+        done = launch.run("/usr/bin/python3", str(SOURCE / "test/nodes/lookup_transform.py"), target, source)
+        self.assertEqual(done.returncode, 0, done.stderr + launch.text())
+        return np.array([float(number) for number in done.stdout.split()])
+
+    def test_tf_is_one_tree_from_map_to_lidar(self):
+        launch = self.play("tf", "set:=frames.sensor_tf=always")
+        np.testing.assert_allclose(self.transform(launch, "base_link", "velodyne"), [0, 0, 0.3, 0, 0, 0, 1], atol=1e-9)
+        self.assertTrue(np.isfinite(self.transform(launch, "map", "velodyne")).all())
+        launch.stop()
+
+    def test_extrinsics_may_come_from_the_robots_own_description(self):
+        launch = self.play("urdf", "set:=frames.extrinsics=tf")
+        robot = subprocess.Popen(["/usr/bin/python3", SOURCE / "test/nodes/robot_description.py"],
+                                 env=launch.environment)
+        launch.wait()
+        robot.terminate()
+        robot.wait(60)
+        # The rotations that tf composes may differ in their last bits.
+        np.testing.assert_allclose(read_tum(self.path / "urdf/trajectory.tum"),
+                                   read_tum(self.path / "offline/trajectory.tum"), atol=1e-3)
+
+    def test_a_wrong_parameter_is_named(self):
+        launch = self.launch("set:=mapping.typo=1")
+        deadline = time.monotonic() + 30
+        while "mapping.typo" not in launch.text() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        self.assertIn("mapping.typo", launch.stop())
+
+
+if __name__ == "__main__":
+    SOURCE = pathlib.Path(sys.argv.pop()).resolve()
+    BIN = pathlib.Path(sys.argv.pop()).resolve()
+    unittest.main(verbosity=2)
