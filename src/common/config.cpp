@@ -181,6 +181,27 @@ void NodeConfig::visit(ParameterVisitor& v) {
             path_poses, 10, 1000000);
 }
 
+void CheckConfig::visit(ParameterVisitor& v) {
+  v.flag({"check.enabled", "", "compare the first seconds of the data with the parameters before the start"},
+         enabled);
+  v.real({"check.duration", "s", "how much of the recording is looked at"}, duration_s, 0.5, 60.0);
+  v.real({"check.gravity_tolerance", "m/s^2",
+          "how far the mean |acceleration| may be from sensor.gravity without a warning"},
+         gravity_tolerance_mps2, 0.01, 10.0);
+  v.real({"check.max_extrinsic_angle", "deg",
+          "how far the ground may be tilted against gravity without a warning"},
+         max_extrinsic_angle_deg, 1.0, 44.0);
+  v.real({"check.min_imu_rate", "Hz", "slower IMUs get a warning"}, min_imu_rate_hz, 1.0, 10000.0);
+  v.real({"check.max_imu_rate", "Hz", "faster IMUs get a warning"}, max_imu_rate_hz, 1.0, 10000.0);
+  v.real({"check.max_angular_rate", "rad/s", "a larger median angular velocity is taken for deg/s"},
+         max_angular_rate_radps, 0.1, 100.0);
+  v.real({"check.period_tolerance", "",
+          "share of sensor.scan_period that the time between scans may deviate without a warning"},
+         period_tolerance, 0.001, 1.0);
+  v.real({"check.min_overlap", "", "share of the scans' time that the IMU must cover without a warning"},
+         min_overlap, 0.0, 1.0);
+}
+
 void Config::visit(ParameterVisitor& v) {
   sensor.visit(v);
   frames.visit(v);
@@ -189,6 +210,7 @@ void Config::visit(ParameterVisitor& v) {
   mapping.visit(v);
   degeneracy.visit(v);
   nodes.visit(v);
+  check.visit(v);
   v.integer({"threads", "", "threads of one process; the result does not depend on it"}, threads, 1, 64);
 }
 

@@ -67,8 +67,12 @@ std::optional<CloudFault> find_fault(const RawCloud& cloud, const CloudLayout& l
     }
   }
   const std::size_t packed = cloud.width * step;
-  if (layout.row_bytes < packed || packed > cloud.data_size ||
-      (cloud.data_size - packed) / layout.row_bytes < cloud.height - 1) {
+  if (layout.row_bytes < packed) {
+    return CloudFault{"cloud_size", "its rows overlap: row_step is " + std::to_string(layout.row_bytes) +
+                                        ", but " + std::to_string(cloud.width) + " points of " +
+                                        std::to_string(step) + " bytes need " + std::to_string(packed)};
+  }
+  if (packed > cloud.data_size || (cloud.data_size - packed) / layout.row_bytes < cloud.height - 1) {
     return CloudFault{"cloud_size", std::to_string(cloud.height) + " rows of " + std::to_string(cloud.width) +
                                         " points of " + std::to_string(step) + " bytes do not fit its " +
                                         std::to_string(cloud.data_size) +

@@ -5,6 +5,8 @@
 #include <cstring>
 #include <limits>
 
+#include "fdi_lio/scan/range_limits.hpp"
+
 namespace fdi_lio::scan {
 
 namespace {
@@ -20,30 +22,6 @@ float load_float(const std::uint8_t* point, const RawField& field) {
   }
   return static_cast<float>(load_real(point + field.offset, field.datatype));
 }
-
-/// Squared ranges that are kept.
-struct RangeLimits {
-  float min_sq;
-  float max_sq;
-
-  explicit RangeLimits(const SensorConfig& sensor)
-      : min_sq(static_cast<float>(sensor.min_range_m * sensor.min_range_m)),
-        max_sq(static_cast<float>(sensor.max_range_m * sensor.max_range_m)) {}
-
-  /// Whether a point can be used; counts it when not.
-  bool accept(const Eigen::Vector3f& position, DropCounts* dropped) const {
-    const float range_sq = position.squaredNorm();
-    if (range_sq >= min_sq && range_sq <= max_sq && range_sq > 0.0F) return true;
-    if (!std::isfinite(range_sq)) {
-      ++dropped->non_finite;
-    } else if (range_sq == 0.0F) {
-      ++dropped->zero;
-    } else {
-      ++dropped->out_of_range;
-    }
-    return false;
-  }
-};
 
 /// The beam whose nominal elevation is nearest.
 std::uint16_t ring_by_elevation(const Eigen::Vector3f& position, const SensorConfig& sensor) {
@@ -89,7 +67,7 @@ std::optional<Scan> PointCloudReader::read(const RawCloud& cloud) {
   if (scan.points.empty()) {
     reporter_->report(Severity::kWarning, "cloud_useless",
                       "a cloud was dropped: none of its points can be used (" +
-                          std::to_string(scan.dropped.non_finite) + " not finite, " +
+                          std::to_string(scan.dropped.non_finite) + " not finite in x, y, z or time, " +
                           std::to_string(scan.dropped.zero) + " at the origin, " +
                           std::to_string(scan.dropped.out_of_range) +
                           " beyond sensor.min_range, sensor.max_range or 1024 rings)");
@@ -110,47 +88,53 @@ std::optional<Scan> PointCloudReader::read(const RawCloud& cloud) {
 void PointCloudReader::add_points(const RawCloud& cloud, const CloudLayout& layout, RawTimes* times,
                                   Scan* scan) {
   const RangeLimits limits(sensor_);
-  const bool needs_time = layout.time != nullptr && sensor_.deskew != "already_done";
   scan->points.reserve(static_cast<std::size_t>(cloud.width) * cloud.height);
   last_of_ring_.assign(kMaxRings, Eigen::Vector3f::Constant(std::numeric_limits<float>::quiet_NaN()));
   for (std::uint32_t row = 0; row < cloud.height; ++row) {
     const std::uint8_t* at = cloud.data + row * layout.row_bytes;
     for (std::uint32_t column = 0; column < cloud.width; ++column, at += cloud.point_step) {
-      // Dropped points count here too: the header stamp may be that of one of them.
-      const double time = needs_time ? times->read(at) : 0.0;
       Point point;
       point.position << load_float(at, *layout.x), load_float(at, *layout.y), load_float(at, *layout.z);
-      if (!limits.accept(point.position, &scan->dropped)) continue;
-      if (layout.ring != nullptr) {
-        const std::int64_t ring = load_integer(at + layout.ring->offset, layout.ring->datatype);
-        if (ring < 0 || ring >= kMaxRings) {
-          ++scan->dropped.out_of_range;
-          continue;
-        }
-        point.ring = static_cast<std::uint16_t>(ring);
-      } else {
-        point.ring = layout.rows_are_rings ? static_cast<std::uint16_t>(cloud.height - 1 - row)
-                                           : ring_by_elevation(point.position, sensor_);
+      if (!limits.accept(point.position, &scan->dropped) ||
+          !set_ring(cloud, layout, row, at, &point, &scan->dropped)) {
+        times->drop(at);
+        continue;
       }
       // Both returns of a shot in dual mode are the same point when there was one surface; they are
       // neighbours on their ring, but not in the message.
       if (point.position == last_of_ring_[point.ring]) {
         ++scan->dropped.duplicate;
+        times->drop(at);
         continue;
       }
-      last_of_ring_[point.ring] = point.position;
-      if (!std::isfinite(time)) {
+      if (!times->keep(at)) {
         ++scan->dropped.non_finite;
         continue;
       }
+      last_of_ring_[point.ring] = point.position;
       if (layout.intensity != nullptr) {
         point.intensity = load_float(at, *layout.intensity);
         if (!std::isfinite(point.intensity)) point.intensity = 0.0F;
       }
-      if (needs_time) times->keep(time);
       scan->points.push_back(point);
     }
   }
+}
+
+bool PointCloudReader::set_ring(const RawCloud& cloud, const CloudLayout& layout, std::uint32_t row,
+                                const std::uint8_t* at, Point* point, DropCounts* dropped) const {
+  if (layout.ring == nullptr) {
+    point->ring = layout.rows_are_rings ? static_cast<std::uint16_t>(cloud.height - 1 - row)
+                                        : ring_by_elevation(point->position, sensor_);
+    return true;
+  }
+  const std::int64_t ring = load_integer(at + layout.ring->offset, layout.ring->datatype);
+  if (ring < 0 || ring >= kMaxRings) {
+    ++dropped->out_of_range;
+    return false;
+  }
+  point->ring = static_cast<std::uint16_t>(ring);
+  return true;
 }
 
 void PointCloudReader::set_times_by_azimuth(Stamp header, Scan* scan) const {

@@ -30,7 +30,7 @@ Stamp RawTimes::to_stamp(double since_origin, std::int64_t unit_ns) const {
   constexpr Stamp kMax = std::numeric_limits<Stamp>::max();
   const auto unit = static_cast<double>(unit_ns);
   if (std::abs(origin() * unit) + std::abs(since_origin * unit) > 9e18) return kMax;
-  const Stamp origin_ns = is_integer_ ? integer_origin_ * unit_ns : std::llround(real_origin_ * unit);
+  const Stamp origin_ns = is_integer_ ? integers_.origin * unit_ns : std::llround(reals_.origin * unit);
   return origin_ns + std::llround(since_origin * unit);
 }
 

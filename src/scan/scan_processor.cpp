@@ -18,9 +18,13 @@ DeskewedScan ScanProcessor::process(Scan scan, const std::optional<imu::NavState
   from.stamp = scan_begin;
   if (state && state->stamp < scan.stamp) from = *state;
   const std::vector<imu::ImuSample> readings = imu.between(from.stamp, scan.stamp);
-  if (!imu.empty() && (readings.empty() || readings.back().stamp < scan.stamp)) {
-    reporter_->report(Severity::kWarning, "deskew_imu",
-                      "IMU readings end before the scan does: the rest is deskewed with constant velocity");
+  const double lacking_s =
+      readings.empty() ? scan.duration_s : seconds_between(readings.back().stamp, scan.stamp);
+  if (!imu.empty() && lacking_s > config_.imu.max_gap_s) {
+    reporter_->report(
+        Severity::kWarning, "deskew_imu",
+        "IMU readings end before the scan does (longer than imu.max_gap): the rest is deskewed with "
+        "constant velocity");
   }
   deskew(&scan, imu::propagate(from, readings, scan.stamp), config_.sensor.T_imu_lidar());
   return order_by_ring(scan);

@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include <rosbag/view.h>
 #include <sensor_msgs/Imu.h>
@@ -14,6 +15,7 @@
 #include "fdi_lio/common/error.hpp"
 #include "fdi_lio/ros/conversions.hpp"
 #include "fdi_lio/scan/point_cloud_reader.hpp"
+#include "fdi_lio/scan/velodyne_packets.hpp"
 
 namespace fdi_lio::tools {
 
@@ -54,10 +56,57 @@ std::string topics_of_types(const std::map<std::string, std::string>& types,
   return text.empty() ? "none" : text;
 }
 
+/// Scans of the lidar's topic, whatever its type.
+class ScanReader {
+ public:
+  ScanReader(const SensorConfig& sensor, Reporter* reporter)
+      : reporter_(reporter), clouds_(sensor, reporter), packets_(sensor, reporter) {}
+
+  std::optional<Scan> read(const rosbag::MessageInstance& message) {
+    if (message.getDataType() == kPacketType) return read_packets(message);
+    const auto cloud = message.instantiate<sensor_msgs::PointCloud2>();
+    return cloud ? clouds_.read(ros_bridge::to_raw_cloud(*cloud)) : std::nullopt;
+  }
+
+ private:
+  /// From the message's bytes, so that velodyne_msgs need not be installed.
+  std::optional<Scan> read_packets(const rosbag::MessageInstance& message) {
+    buffer_.resize(message.size());
+    ros::serialization::OStream out(buffer_.data(), message.size());
+    message.write(out);
+    const auto packets = scan::split_velodyne_scan(buffer_.data(), buffer_.size());
+    if (packets) return packets_.read(*packets);
+    reporter_->report(Severity::kWarning, "packet_message",
+                      "a message of type velodyne_msgs/VelodyneScan was dropped: its size does not fit its "
+                      "number of packets");
+    return std::nullopt;
+  }
+
+  Reporter* reporter_;
+  scan::PointCloudReader clouds_;
+  scan::VelodynePacketReader packets_;
+  std::vector<std::uint8_t> buffer_;
+};
+
+/// Gives one message to the callback it is for.
+void hand_over(const rosbag::MessageInstance& message, const SensorConfig& sensor, ScanReader* reader,
+               const BagCallbacks& callbacks) {
+  if (message.getTopic() == sensor.imu_topic) {
+    if (const auto imu = message.instantiate<sensor_msgs::Imu>())
+      callbacks.on_imu(ros_bridge::to_imu_sample(*imu));
+    return;
+  }
+  const auto started = std::chrono::steady_clock::now();
+  std::optional<Scan> scan = reader->read(message);
+  callbacks.on_timing(
+      "read", std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count());
+  if (scan) callbacks.on_scan(std::move(*scan));
+}
+
 }  // namespace
 
 BagSource::BagSource(const std::vector<std::string>& paths, const SensorConfig& sensor, Reporter* reporter)
-    : sensor_(sensor), reporter_(reporter) {
+    : sensor_(sensor) {
   rosbag::View all;
   for (const std::string& path : paths) {
     bags_.push_back(open_bag(path));
@@ -72,10 +121,9 @@ BagSource::BagSource(const std::vector<std::string>& paths, const SensorConfig& 
   }
   const auto imu = types.find(sensor.imu_topic);
   if (imu == types.end() || imu->second != kImuType) {
-    reporter_->report(Severity::kWarning, "imu_topic",
-                      "the bag has no IMU messages on '" + sensor.imu_topic +
-                          "'; topics of the right type: " + topics_of_types(types, {kImuType}) +
-                          ". Going on with the lidar alone");
+    reporter->report(Severity::kWarning, "imu_topic",
+                     "the bag has no IMU messages on '" + sensor.imu_topic + "'; topics of the right type: " +
+                         topics_of_types(types, {kImuType}) + ". Going on with the lidar alone");
   }
   if (all.size() > 0) total_s_ = (all.getEndTime() - all.getBeginTime()).toSec();
 }
@@ -85,7 +133,19 @@ double BagSource::duration_s(double start_s, double duration_s) const {
   return duration_s > 0.0 ? std::min(duration_s, rest) : rest;
 }
 
-void BagSource::read(double start_s, double duration_s, const BagCallbacks& callbacks) {
+std::vector<BagTopic> BagSource::topics() const {
+  rosbag::View all;
+  for (const auto& bag : bags_) all.addQuery(*bag);
+  std::vector<BagTopic> topics;
+  for (const auto& [name, type] : types_by_topic(&all)) {
+    rosbag::View view;
+    for (const auto& bag : bags_) view.addQuery(*bag, rosbag::TopicQuery(name));
+    topics.push_back({name, type, view.size()});
+  }
+  return topics;
+}
+
+void BagSource::read(double start_s, double duration_s, Reporter* reporter, const BagCallbacks& callbacks) {
   rosbag::View all;
   for (const auto& bag : bags_) all.addQuery(*bag);
   const ros::Time origin = all.getBeginTime();
@@ -94,23 +154,20 @@ void BagSource::read(double start_s, double duration_s, const BagCallbacks& call
   rosbag::View view;
   const rosbag::TopicQuery topics(std::vector<std::string>{sensor_.points_topic, sensor_.imu_topic});
   for (const auto& bag : bags_) view.addQuery(*bag, topics, begin, end);
-  scan::PointCloudReader reader(sensor_, reporter_);
-  for (const rosbag::MessageInstance& message : view) {
-    const auto started = std::chrono::steady_clock::now();
-    if (message.getTopic() == sensor_.imu_topic) {
-      if (const auto imu = message.instantiate<sensor_msgs::Imu>())
-        callbacks.on_imu(ros_bridge::to_imu_sample(*imu));
-    } else {
-      std::optional<Scan> scan;
-      if (const auto cloud = message.instantiate<sensor_msgs::PointCloud2>()) {
-        scan = reader.read(ros_bridge::to_raw_cloud(*cloud));
+  ScanReader reader(sensor_, reporter);
+  try {
+    for (const rosbag::MessageInstance& message : view) {
+      try {
+        hand_over(message, sensor_, &reader, callbacks);
+      } catch (const ros::serialization::StreamOverrunException&) {
+        reporter->report(Severity::kWarning, "message_damaged",
+                         "a message on " + message.getTopic() + " was dropped: it is shorter than it says");
       }
-      callbacks.on_timing(
-          "read",
-          std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count());
-      if (scan) callbacks.on_scan(std::move(*scan));
+      if (!callbacks.on_progress((message.getTime() - begin).toSec())) return;
     }
-    if (!callbacks.on_progress((message.getTime() - begin).toSec())) return;
+  } catch (const rosbag::BagException& error) {
+    throw Error(std::string("the recording cannot be read to its end (") + error.what() +
+                "): the file is damaged, copy it again, or keep what can be read with `rosbag filter`");
   }
 }
 

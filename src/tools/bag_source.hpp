@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <string>
@@ -24,22 +25,33 @@ struct BagCallbacks {
   std::function<void(const std::string&, double)> on_timing;
 };
 
+/// A topic of a recording.
+struct BagTopic {
+  std::string name;
+  std::string type;
+  std::size_t messages = 0;
+};
+
 /// One or more bags, read as one recording in the order of receive time.
 class BagSource {
  public:
   /// Opens the bags and looks for the topics of `sensor`. Throws Error when a bag is missing, truncated,
-  /// unindexed or has no lidar topic; the text lists the topics of the right type that it has.
+  /// unindexed or has no lidar topic; the text lists the topics of the right type that it has. Without an IMU
+  /// topic the same goes to `reporter`.
   BagSource(const std::vector<std::string>& paths, const SensorConfig& sensor, Reporter* reporter);
 
-  /// Reads [start_s, start_s + duration_s] of the recording; a duration of 0 or less means to the end.
-  void read(double start_s, double duration_s, const BagCallbacks& callbacks);
+  /// Reads [start_s, start_s + duration_s] of the recording; a duration of 0 or less means to the end. What
+  /// is wrong with messages is reported to `reporter`. Throws Error where the file is damaged.
+  void read(double start_s, double duration_s, Reporter* reporter, const BagCallbacks& callbacks);
 
   /// Length of what `read` would read.
   double duration_s(double start_s, double duration_s) const;
 
+  /// Every topic, in alphabetical order.
+  std::vector<BagTopic> topics() const;
+
  private:
   SensorConfig sensor_;
-  Reporter* reporter_;
   std::vector<std::unique_ptr<rosbag::Bag>> bags_;
   double total_s_ = 0.0;
 };

@@ -1,19 +1,19 @@
 #include <chrono>
 #include <csignal>
-#include <cstdlib>
 #include <iostream>
+#include <optional>
 #include <string>
-#include <vector>
+#include <utility>
 
+#include "bag_options.hpp"
 #include "bag_source.hpp"
 #include "progress_bar.hpp"
+#include "slam_run.hpp"
+#include "start_check.hpp"
 #include <tbb/global_control.h>
 
 #include "fdi_lio/common/config_io.hpp"
 #include "fdi_lio/common/error.hpp"
-#include "fdi_lio/evaluation/stage_times.hpp"
-#include "fdi_lio/pipeline/run_directory.hpp"
-#include "fdi_lio/pipeline/slam_pipeline.hpp"
 
 namespace {
 
@@ -25,70 +25,14 @@ const char* const kUsage =
     "Runs a recording through the whole system, without a roscore, as fast as the machine allows.\n"
     "Writes DIR/{trajectory.tum, odometry.tum, map.pcd, degeneracy.csv, covariance.csv, timing.json, "
     "run.yaml, "
-    "warnings.txt}.\n";
+    "warnings.txt}.\n"
+    "First compares the first seconds with the configuration, as check_bag does (--set check.enabled=false: "
+    "not).\n"
+    "Exit code: 0 done, 2 not possible as asked (the message says why), 130 interrupted.\n";
 
 volatile std::sig_atomic_t stop_requested = 0;
 
 void request_stop(int /*signal*/) { stop_requested = 1; }
-
-struct Options {
-  std::string config;
-  std::vector<std::string> bags;
-  std::string output;
-  std::vector<std::string> overrides;
-  double start_s = 0.0;
-  double duration_s = 0.0;
-};
-
-double parse_seconds(const std::string& name, const std::string& text) {
-  std::size_t used = 0;
-  double value = -1.0;
-  try {
-    value = std::stod(text, &used);
-  } catch (const std::exception&) {
-    used = 0;
-  }
-  if (used != text.size() || text.empty() || !(value >= 0.0)) {
-    throw Error(name + " is '" + text + "', must be a number of seconds of 0 or more");
-  }
-  return value;
-}
-
-Options parse(int argc, char** argv) {
-  Options options;
-  const std::vector<std::string> arguments(argv + 1, argv + argc);
-  for (std::size_t i = 0; i < arguments.size(); ++i) {
-    const std::string& name = arguments[i];
-    const auto value = [&]() -> const std::string& {
-      if (i + 1 >= arguments.size()) throw Error(name + " needs a value\n" + kUsage);
-      return arguments[++i];
-    };
-    if (name == "--config") {
-      options.config = value();
-    } else if (name == "--bag") {
-      options.bags.push_back(value());
-      while (i + 1 < arguments.size() && arguments[i + 1].rfind("--", 0) != 0)
-        options.bags.push_back(arguments[++i]);
-    } else if (name == "--output") {
-      options.output = value();
-    } else if (name == "--set") {
-      options.overrides.push_back(value());
-    } else if (name == "--start") {
-      options.start_s = parse_seconds(name, value());
-    } else if (name == "--duration") {
-      options.duration_s = parse_seconds(name, value());
-    } else if (name == "--help" || name == "-h") {
-      std::cout << kUsage;
-      std::exit(0);
-    } else {
-      throw Error("unknown argument '" + name + "'\n" + kUsage);
-    }
-  }
-  if (options.config.empty() || options.bags.empty() || options.output.empty()) {
-    throw Error(std::string("--config, --bag and --output are needed\n") + kUsage);
-  }
-  return options;
-}
 
 void print_new(fdi_lio::Reporter* reporter) {
   static constexpr const char* kNames[] = {"info", "warning", "error"};
@@ -99,49 +43,42 @@ void print_new(fdi_lio::Reporter* reporter) {
   }
 }
 
-int run(const Options& options) {
+int run(const fdi_lio::tools::BagOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
   const fdi_lio::Config config = fdi_lio::load_config(options.config, options.overrides);
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
                                     static_cast<std::size_t>(config.threads));
   fdi_lio::Reporter reporter;
   fdi_lio::tools::BagSource source(options.bags, config.sensor, &reporter);
-  fdi_lio::pipeline::RunDirectory directory(options.output, config);
-  fdi_lio::mapping::MapBuilder map(config.mapping.output_map_voxel_m);
-  fdi_lio::evaluation::StageTimes times;
-  const auto on_timing = [&times](const std::string& stage, double ms) { times.add(stage, ms); };
-  fdi_lio::pipeline::SlamPipeline pipeline(
-      config, &reporter,
-      [&](const fdi_lio::pipeline::ScanOutput& output) {
-        directory.add(output);
-        if (output.estimate.is_keyframe)
-          map.add(output.scan.points, output.estimate.state.T_odom_imu() * config.sensor.T_imu_lidar());
-      },
-      on_timing);
-
-  const double bag_s = source.duration_s(options.start_s, options.duration_s);
-  fdi_lio::tools::ProgressBar progress(bag_s);
+  if (config.check.enabled) fdi_lio::tools::require_good_start(&source, config, options.start_s, &reporter);
+  fdi_lio::tools::SlamRun slam(config, options.output, &reporter);
+  fdi_lio::tools::ProgressBar progress(source.duration_s(options.start_s, options.duration_s));
   double read_s = 0.0;
   fdi_lio::tools::BagCallbacks callbacks;
-  callbacks.on_imu = [&](const fdi_lio::imu::ImuSample& sample) { pipeline.add_imu(sample); };
-  callbacks.on_scan = [&](fdi_lio::Scan scan) { pipeline.add_scan(std::move(scan)); };
-  callbacks.on_timing = on_timing;
+  callbacks.on_imu = [&](const fdi_lio::imu::ImuSample& sample) { slam.add_imu(sample); };
+  callbacks.on_scan = [&](fdi_lio::Scan scan) { slam.add_scan(std::move(scan)); };
+  callbacks.on_timing = [&](const std::string& stage, double ms) { slam.add_timing(stage, ms); };
   callbacks.on_progress = [&](double position_s) {
     read_s = position_s;
+    slam.advance(position_s);
     progress.update(position_s);
     print_new(&reporter);
     return stop_requested == 0;
   };
-  source.read(options.start_s, options.duration_s, callbacks);
-  pipeline.finish();
+  // Of a damaged recording the results up to the damage are kept.
+  std::optional<Error> damage;
+  try {
+    source.read(options.start_s, options.duration_s, &reporter, callbacks);
+  } catch (const Error& error) {
+    damage = error;
+  }
+  slam.finish();
   progress.finish();
   print_new(&reporter);
-  directory.write_map(map);
+  if (damage) throw Error(*damage);
+  if (slam.scans() == 0) throw Error("no scan of the recording could be used: see the messages above");
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  directory.write_timing(times, wall_s, read_s);
-  directory.write_warnings(reporter);
-  if (directory.scans() == 0) throw Error("no scan of the recording could be used: see the messages above");
-  std::cerr << directory.scans() << " scans, " << read_s << " s of data in " << wall_s << " s; results in "
+  std::cerr << slam.scans() << " scans, " << read_s << " s of data in " << wall_s << " s; results in "
             << options.output << "\n";
   return stop_requested == 0 ? 0 : 130;
 }
@@ -152,7 +89,7 @@ int main(int argc, char** argv) {
   std::signal(SIGINT, request_stop);
   std::signal(SIGTERM, request_stop);
   try {
-    return run(parse(argc, argv));
+    return run(fdi_lio::tools::parse_bag_options(argc, argv, kUsage, true));
   } catch (const Error& error) {
     std::cerr << "offline_slam: " << error.what() << "\n";
     return 2;

@@ -125,6 +125,21 @@ struct NodeConfig {
   void visit(ParameterVisitor& visitor);
 };
 
+/// The check of the first seconds of a recording (scan::DataCheck).
+struct CheckConfig {
+  bool enabled = true;
+  double duration_s = 3.0;
+  double gravity_tolerance_mps2 = 1.0;
+  double max_extrinsic_angle_deg = 20.0;
+  double min_imu_rate_hz = 50.0;
+  double max_imu_rate_hz = 500.0;
+  double max_angular_rate_radps = 6.0;
+  double period_tolerance = 0.1;
+  double min_overlap = 0.8;
+
+  void visit(ParameterVisitor& visitor);
+};
+
 /// Every parameter of the system.
 struct Config {
   SensorConfig sensor;
@@ -134,6 +149,7 @@ struct Config {
   MappingConfig mapping;
   degeneracy::DegeneracyConfig degeneracy;
   NodeConfig nodes;
+  CheckConfig check;
   int threads = 2;
 
   void visit(ParameterVisitor& visitor);

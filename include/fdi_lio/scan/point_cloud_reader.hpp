@@ -12,10 +12,10 @@
 namespace fdi_lio::scan {
 
 /// Turns clouds of any driver into scans. The layout is recognised from the fields: ring as `ring`, `channel`
-/// or `line`, time as `time`, `t`, `timestamp`, `time_stamp` or `offset_time`, each of any number type; the
-/// unit of time follows from the span of a scan. Without ring the beam follows from the elevation, without
-/// time the time from the azimuth (clockwise from behind, as KITTI's Velodyne turns). What was recognised is
-/// reported once.
+/// or `line` of any integer type, time as `time`, `t`, `timestamp`, `time_stamp` or `offset_time` of any
+/// number type; the unit of time follows from the span of a scan. Without ring the beam follows from the
+/// elevation, without time the time from the azimuth (clockwise from behind, as KITTI's Velodyne turns). What
+/// was recognised is reported once.
 class PointCloudReader {
  public:
   PointCloudReader(const SensorConfig& sensor, Reporter* reporter);
@@ -28,6 +28,8 @@ class PointCloudReader {
  private:
   void report_layout(const CloudLayout& layout);
   void add_points(const RawCloud& cloud, const CloudLayout& layout, RawTimes* times, Scan* scan);
+  bool set_ring(const RawCloud& cloud, const CloudLayout& layout, std::uint32_t row, const std::uint8_t* at,
+                Point* point, DropCounts* dropped) const;
   void set_times_by_azimuth(Stamp header, Scan* scan) const;
 
   SensorConfig sensor_;

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 #include <vector>
 
 #include "fdi_lio/common/config.hpp"
@@ -14,66 +15,92 @@
 
 namespace fdi_lio::scan {
 
-/// The time field of one cloud, in the driver's own units. Times are kept relative to the first one, formed
-/// in integers where the field is an integer, so that absolute times keep their nanoseconds.
+/// The time field of one cloud, in the driver's own units. Times of kept points are relative to the first of
+/// them, formed in integers where the field is an integer, so that absolute times keep their nanoseconds.
 class RawTimes {
  public:
-  /// `field` must outlive this; null: the cloud has no time, nothing may be read. At most `points` are kept.
+  /// `field` must outlive this; null: the cloud has no time, and nothing is kept. At most `points` are kept.
   RawTimes(const RawField* field, std::size_t points);
 
-  /// Time of the point at `point` relative to the first one read; NaN when it is not finite.
-  double read(const std::uint8_t* point) {
-    return is_integer_ ? read_integer(point + field_->offset) : read_real(point + field_->offset);
+  /// Notes the time of a point that is kept. False, with nothing noted, when its time is not finite.
+  bool keep(const std::uint8_t* point) {
+    if (field_ == nullptr) return true;
+    const std::uint8_t* at = point + field_->offset;
+    if (is_integer_) {
+      kept_.push_back(integers_.keep(load_integer(at, field_->datatype)));
+      return true;
+    }
+    const double value = load_real(at, field_->datatype);
+    if (!std::isfinite(value)) return false;
+    kept_.push_back(reals_.keep(value));
+    return true;
   }
 
-  /// Notes the time of a point that was kept.
-  void keep(double since_origin) { kept_.push_back(since_origin); }
-
-  /// Notes the time of a point that was not kept.
-  void drop(double since_origin) {
-    first_dropped_ = std::min(first_dropped_, since_origin);  // NaN changes nothing
-    last_dropped_ = std::max(last_dropped_, since_origin);
+  /// Notes the time of a point that is not kept: the header stamp may be that of the first or last one fired,
+  /// whether it gave a return or not.
+  void drop(const std::uint8_t* point) {
+    if (field_ == nullptr) return;
+    const std::uint8_t* at = point + field_->offset;
+    if (is_integer_) {
+      integers_.drop(load_integer(at, field_->datatype));
+    } else if (const double value = load_real(at, field_->datatype); std::isfinite(value)) {
+      reals_.drop(value);
+    }
   }
 
   bool is_integer() const { return is_integer_; }
   /// Times of the kept points in their order, relative to the origin.
   const std::vector<double>& kept() const { return kept_; }
-  /// Smallest and largest time of the points that were not kept, relative to the origin; infinite without
-  /// any.
-  double first_dropped() const { return first_dropped_; }
-  double last_dropped() const { return last_dropped_; }
-  /// The time that the others are relative to.
-  double origin() const { return is_integer_ ? static_cast<double>(integer_origin_) : real_origin_; }
+  /// Smallest and largest time of the points that were not kept, relative to the origin; plus and minus
+  /// infinity without any.
+  double first_dropped() const { return is_integer_ ? integers_.first_dropped() : reals_.first_dropped(); }
+  double last_dropped() const { return is_integer_ ? integers_.last_dropped() : reals_.last_dropped(); }
+  /// The time that the others are relative to: that of the first kept point.
+  double origin() const { return is_integer_ ? static_cast<double>(integers_.origin) : reals_.origin; }
 
   /// `since_origin` as a stamp, when one unit has `unit_ns` nanoseconds; the largest stamp when it is beyond
   /// what a stamp can hold.
   Stamp to_stamp(double since_origin, std::int64_t unit_ns) const;
 
  private:
-  double read_integer(const std::uint8_t* at) {
-    const std::int64_t value = load_integer(at, field_->datatype);
-    if (!has_origin_) integer_origin_ = value;
-    has_origin_ = true;
-    // Unsigned, because the difference of two arbitrary values may overflow.
-    return static_cast<double>(static_cast<std::int64_t>(static_cast<std::uint64_t>(value) -
-                                                         static_cast<std::uint64_t>(integer_origin_)));
-  }
+  /// Times in the type that they are read in.
+  template <typename T>
+  struct Extent {
+    T origin = 0;
+    bool has_origin = false;
+    T first = std::numeric_limits<T>::max();  ///< of the dropped ones
+    T last = std::numeric_limits<T>::lowest();
 
-  double read_real(const std::uint8_t* at) {
-    const double value = load_real(at, field_->datatype);
-    if (!std::isfinite(value)) return std::numeric_limits<double>::quiet_NaN();
-    if (!has_origin_) real_origin_ = value;
-    has_origin_ = true;
-    return value - real_origin_;
-  }
+    double keep(T value) {
+      if (!has_origin) origin = value;
+      has_origin = true;
+      return since_origin(value);
+    }
+    void drop(T value) {
+      first = std::min(first, value);
+      last = std::max(last, value);
+    }
+    double since_origin(T value) const {
+      if constexpr (std::is_integral_v<T>) {
+        // Unsigned, because the difference of two arbitrary values may overflow.
+        return static_cast<double>(
+            static_cast<T>(static_cast<std::uint64_t>(value) - static_cast<std::uint64_t>(origin)));
+      } else {
+        return value - origin;
+      }
+    }
+    double first_dropped() const {
+      return first > last ? std::numeric_limits<double>::infinity() : since_origin(first);
+    }
+    double last_dropped() const {
+      return first > last ? -std::numeric_limits<double>::infinity() : since_origin(last);
+    }
+  };
 
   const RawField* field_;
   bool is_integer_;
-  bool has_origin_ = false;
-  std::int64_t integer_origin_ = 0;
-  double real_origin_ = 0.0;
-  double first_dropped_ = std::numeric_limits<double>::infinity();
-  double last_dropped_ = -std::numeric_limits<double>::infinity();
+  Extent<std::int64_t> integers_;
+  Extent<double> reals_;
   std::vector<double> kept_;
 };
 

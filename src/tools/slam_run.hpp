@@ -1,0 +1,69 @@
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/evaluation/stage_times.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/mapping/map_builder.hpp"
+#include "fdi_lio/pipeline/run_directory.hpp"
+#include "fdi_lio/pipeline/slam_pipeline.hpp"
+#include "fdi_lio/scan/stamp_guard.hpp"
+
+namespace fdi_lio::tools {
+
+/// The pipeline over one recording, with its results in a folder. Like the nodes it drops scans whose stamps
+/// do not follow, and begins anew where stamps jump for good (a recording that was started again, a clock
+/// that was set): the results from there on go to OUTPUT_2, OUTPUT_3, ...
+class SlamRun {
+ public:
+  /// Makes the folder `output`. Throws Error when it cannot be made or written.
+  SlamRun(const Config& config, const std::string& output, Reporter* reporter);
+
+  void add_imu(const imu::ImuSample& sample);
+
+  /// Throws Error when the disk takes no more.
+  void add_scan(Scan scan);
+
+  /// Notes how long a stage took.
+  void add_timing(const std::string& stage, double ms) { part_->times.add(stage, ms); }
+
+  /// Notes how much of the recording has been read.
+  void advance(double position_s) { position_s_ = position_s; }
+
+  /// Processes what waits and writes map, timing and warnings. Throws Error when the disk takes no more.
+  void finish();
+
+  /// Scans with an estimate.
+  std::size_t scans() const { return finished_scans_ + part_->directory.scans(); }
+
+ private:
+  /// What lies between two jumps.
+  struct Part {
+    Part(const Config& config, const std::string& output, double begin_s, Reporter* reporter);
+
+    double begin_s;  ///< position in the recording
+    std::chrono::steady_clock::time_point began = std::chrono::steady_clock::now();
+    pipeline::RunDirectory directory;
+    mapping::MapBuilder map;
+    evaluation::StageTimes times;
+    pipeline::SlamPipeline pipeline;
+  };
+
+  void begin_anew();
+
+  Config config_;
+  std::string output_;
+  Reporter* reporter_;
+  scan::StampGuard guard_;
+  std::unique_ptr<Part> part_;
+  int parts_ = 1;
+  std::size_t finished_scans_ = 0;
+  double position_s_ = 0.0;
+};
+
+}  // namespace fdi_lio::tools
