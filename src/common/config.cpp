@@ -109,6 +109,22 @@ void FeatureConfig::visit(ParameterVisitor& v) {
   v.integer({"features.sectors", "", "sectors of a ring that share the features equally"}, sectors, 1, 64);
   v.integer({"features.max_planes", "", "most plane features of a scan"}, max_planes, 100, 100000);
   v.integer({"features.max_edges", "", "most edge features of a scan"}, max_edges, 0, 100000);
+  v.integer({"features.max_intensity", "", "most intensity features of a scan"}, max_intensity, 0, 100000);
+  v.real(
+      {"features.intensity_min_gradient", "",
+       "points with a larger intensity gradient, in units of ln(1 + I / scale), can be intensity features"},
+      intensity_min_gradient, 0.0, 10.0);
+  v.real({"features.score_weight", "", "w0: weight of the intensity gradient in the composite score"},
+         score_weight, 0.0, 1.0);
+  v.real({"features.score_fdi_gain", "", "alpha: the weight grows by this times the FDI"}, score_fdi_gain,
+         0.0, 1.0);
+  v.real({"features.score_class_gain", "",
+          "beta: the weight grows by this in sparse and shrinks in structured surroundings"},
+         score_class_gain, 0.0, 1.0);
+  v.real({"features.score_max_weight", "", "w_max: largest weight of the intensity gradient"},
+         score_max_weight, 0.0, 1.0);
+  v.real({"features.score_stability", "", "eta: what a stable gradient adds to the composite score"},
+         score_stability, 0.0, 1.0);
   v.real({"features.occlusion_jump", "",
           "range jump between neighbours, as a share of the range, that makes an occlusion"},
          occlusion_jump_ratio, 0.001, 1.0);
@@ -157,6 +173,11 @@ void MappingConfig::visit(ParameterVisitor& v) {
          keyframe_rotation_weight_m_per_rad, 0.0, 100.0);
   v.real({"mapping.output_map_voxel", "m", "voxel of the map that is saved"}, output_map_voxel_m, 0.01, 5.0);
   v.flag({"mapping.use_edges", "", "match edge features to lines of the map"}, use_edges);
+  v.flag({"mapping.use_intensity", "", "match intensity features to the intensities of the map"},
+         use_intensity);
+  v.real({"mapping.intensity_weight", "", "factor on the information of intensity matches"}, intensity_weight,
+         0.0, 100.0);
+  v.real({"mapping.intensity_voxel", "m", "finest voxel of the intensity map"}, intensity_voxel_m, 0.05, 2.0);
   v.real({"mapping.plane_weight", "", "factor on the information of plane matches"}, plane_weight, 0.0,
          100.0);
   v.real({"mapping.edge_weight", "",
@@ -206,6 +227,8 @@ void Config::visit(ParameterVisitor& v) {
   sensor.visit(v);
   frames.visit(v);
   imu.visit(v);
+  intensity.visit(v);
+  gradient.visit(v);
   features.visit(v);
   mapping.visit(v);
   degeneracy.visit(v);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "fdi_lio/common/parallel.hpp"
@@ -14,6 +15,8 @@ namespace {
 struct RingScratch {
   std::vector<float> range;
   std::vector<float> curvature;
+  std::vector<float> texture;  ///< intensity gradient over that of the scan, [0, 1]; empty without intensity
+  std::vector<float> score;    ///< composite
   std::vector<char> usable;
 };
 
@@ -23,6 +26,17 @@ struct RingFeatures {
   std::vector<float> plane_scores;
   std::vector<std::uint32_t> edges;
   std::vector<float> edge_scores;
+  std::vector<std::uint32_t> textures;
+  std::vector<float> texture_scores;
+};
+
+/// What holds for all rings of a scan.
+struct ScanContext {
+  const DeskewedScan* scan;
+  float range_noise_m;
+  float texture_weight;                                  ///< w of the composite score
+  float largest_texture;                                 ///< intensity gradient that counts as 1
+  std::uint32_t plane_quota, edge_quota, texture_quota;  ///< of one sector
 };
 
 /// View of one ring of a scan.
@@ -109,6 +123,48 @@ void exclude_unreliable(const Ring& ring, const FeatureConfig& config, RingScrat
   }
 }
 
+/// Composite score S = (1 - w) C + w IDG / IDG_max + eta stab of each point.
+void compute_score(const Ring& ring, const FeatureConfig& config, const ScanContext& context,
+                   RingScratch* scratch) {
+  scratch->score = scratch->curvature;
+  scratch->texture.clear();
+  const DeskewedScan& scan = *context.scan;
+  if (scan.intensity_gradient.empty()) return;
+  scratch->texture.resize(ring.size);
+  const auto eta = static_cast<float>(config.score_stability);
+  const float w = context.texture_weight;
+  for (std::uint32_t i = 0; i < ring.size; ++i) {
+    const float gradient = scan.intensity_gradient[ring.offset + i];
+    scratch->texture[i] = std::min(1.0F, gradient / context.largest_texture);
+    const float stability = scan.gradient_stability.empty() ? 0.0F : scan.gradient_stability[ring.offset + i];
+    scratch->score[i] = (1.0F - w) * scratch->curvature[i] + w * scratch->texture[i] + eta * stability;
+  }
+}
+
+/// Smooth points with a high intensity gradient, the best by score.
+void select_textures(const Ring& ring, const RingScratch& scratch, const FeatureConfig& config,
+                     const ScanContext& context, std::uint32_t begin, std::uint32_t end, RingFeatures* out) {
+  if (scratch.texture.empty() || context.texture_quota == 0) return;
+  const auto smooth = static_cast<float>(config.plane_max_curvature);
+  const float least = static_cast<float>(config.intensity_min_gradient) / context.largest_texture;
+  std::vector<std::uint32_t> candidates;
+  for (std::uint32_t i = begin; i < end; ++i) {
+    if (scratch.usable[i] != 0 && scratch.curvature[i] <= smooth && scratch.texture[i] > least)
+      candidates.push_back(i);
+  }
+  if (candidates.size() > context.texture_quota) {
+    std::stable_sort(candidates.begin(), candidates.end(), [&scratch](std::uint32_t a, std::uint32_t b) {
+      return scratch.score[a] > scratch.score[b];
+    });
+    candidates.resize(context.texture_quota);
+    std::sort(candidates.begin(), candidates.end());
+  }
+  for (const std::uint32_t i : candidates) {
+    out->textures.push_back(ring.offset + i);
+    out->texture_scores.push_back(scratch.score[i]);
+  }
+}
+
 void select_edges(const Ring& ring, const RingScratch& scratch, const FeatureConfig& config,
                   std::uint32_t quota, std::uint32_t begin, std::uint32_t end, RingFeatures* out) {
   const auto n = static_cast<std::uint32_t>(config.curvature_neighbours);
@@ -118,7 +174,7 @@ void select_edges(const Ring& ring, const RingScratch& scratch, const FeatureCon
     if (scratch.usable[i] != 0 && scratch.curvature[i] > threshold) candidates.push_back(i);
   }
   std::stable_sort(candidates.begin(), candidates.end(), [&scratch](std::uint32_t a, std::uint32_t b) {
-    return scratch.curvature[a] > scratch.curvature[b];
+    return scratch.score[a] > scratch.score[b];
   });
   std::vector<std::uint32_t> taken;
   for (const std::uint32_t candidate : candidates) {
@@ -129,7 +185,7 @@ void select_edges(const Ring& ring, const RingScratch& scratch, const FeatureCon
     if (is_near_taken) continue;
     taken.push_back(candidate);
     out->edges.push_back(ring.offset + candidate);
-    out->edge_scores.push_back(std::min(1.0F, scratch.curvature[candidate]));
+    out->edge_scores.push_back(scratch.score[candidate]);
   }
 }
 
@@ -155,20 +211,68 @@ void select_planes(const Ring& ring, const RingScratch& scratch, const FeatureCo
   }
 }
 
-RingFeatures extract_ring(const Ring& ring, const FeatureConfig& config, float range_noise_m,
-                          std::uint32_t plane_quota, std::uint32_t edge_quota) {
+RingFeatures extract_ring(const Ring& ring, const FeatureConfig& config, const ScanContext& context) {
   RingScratch scratch;
-  compute_curvature(ring, config, range_noise_m, &scratch);
+  compute_curvature(ring, config, context.range_noise_m, &scratch);
   exclude_unreliable(ring, config, &scratch);
+  compute_score(ring, config, context, &scratch);
   RingFeatures out;
   const auto sectors = static_cast<std::uint32_t>(config.sectors);
   for (std::uint32_t sector = 0; sector < sectors; ++sector) {
     const std::uint32_t begin = ring.size * sector / sectors;
     const std::uint32_t end = ring.size * (sector + 1) / sectors;
-    select_edges(ring, scratch, config, edge_quota, begin, end, &out);
-    select_planes(ring, scratch, config, plane_quota, begin, end, &out);
+    select_edges(ring, scratch, config, context.edge_quota, begin, end, &out);
+    select_planes(ring, scratch, config, context.plane_quota, begin, end, &out);
+    select_textures(ring, scratch, config, context, begin, end, &out);
   }
   return out;
+}
+
+/// Drops the intensity features with the lowest scores, so that at most `limit` stay.
+void keep_best_textures(std::size_t limit, std::vector<RingFeatures>* rings) {
+  std::vector<float> scores;
+  for (const RingFeatures& ring : *rings)
+    scores.insert(scores.end(), ring.texture_scores.begin(), ring.texture_scores.end());
+  if (scores.size() <= limit) return;
+  const auto worst = scores.end() - static_cast<std::ptrdiff_t>(limit);
+  std::nth_element(scores.begin(), worst, scores.end());
+  const float least = limit > 0 ? *worst : std::numeric_limits<float>::max();
+  for (RingFeatures& ring : *rings) {
+    std::size_t kept = 0;
+    for (std::size_t k = 0; k < ring.textures.size(); ++k) {
+      if (ring.texture_scores[k] < least) continue;
+      ring.textures[kept] = ring.textures[k];
+      ring.texture_scores[kept++] = ring.texture_scores[k];
+    }
+    ring.textures.resize(kept);
+    ring.texture_scores.resize(kept);
+  }
+}
+
+/// w = w0 + alpha FDI + beta delta, clamped to [0, w_max]; delta is +1 in sparse, -1 in structured
+/// surroundings, else 0.
+float texture_weight(const FeatureConfig& config, const degeneracy::Degeneracy& previous) {
+  double delta = 0.0;
+  if (previous.environment == degeneracy::EnvironmentClass::kSparse) delta = 1.0;
+  if (previous.environment == degeneracy::EnvironmentClass::kStructured) delta = -1.0;
+  const double w =
+      config.score_weight + config.score_fdi_gain * previous.fdi + config.score_class_gain * delta;
+  return static_cast<float>(std::clamp(w, 0.0, config.score_max_weight));
+}
+
+/// Robust maximum of the scan's intensity gradient, the 99 % quantile; never so small that noise counts.
+float largest_texture(const DeskewedScan& scan, float least) {
+  constexpr std::size_t kStride = 8;
+  constexpr double kQuantile = 0.99;
+  std::vector<float> sample;
+  sample.reserve(scan.intensity_gradient.size() / kStride + 1);
+  for (std::size_t i = 0; i < scan.intensity_gradient.size(); i += kStride)
+    sample.push_back(scan.intensity_gradient[i]);
+  if (sample.empty()) return least;
+  const auto at =
+      sample.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(sample.size() - 1));
+  std::nth_element(sample.begin(), at, sample.end());
+  return std::max(least, *at);
 }
 
 }  // namespace
@@ -178,7 +282,7 @@ FeatureExtractor::FeatureExtractor(const Config& config, Reporter* reporter)
       range_noise_m_(static_cast<float>(config.sensor.range_noise_m)),
       reporter_(reporter) {}
 
-FeatureSet FeatureExtractor::extract(const DeskewedScan& scan, const degeneracy::Degeneracy& /*previous*/) {
+FeatureSet FeatureExtractor::extract(const DeskewedScan& scan, const degeneracy::Degeneracy& previous) {
   const std::size_t rings = scan.ring_count();
   FeatureSet features;
   features.stamp = scan.stamp;
@@ -187,21 +291,38 @@ FeatureSet FeatureExtractor::extract(const DeskewedScan& scan, const degeneracy:
   const auto quota = [cells](int total) {
     return static_cast<std::uint32_t>((static_cast<std::size_t>(total) + cells - 1) / cells);
   };
+  ScanContext context{};
+  context.scan = &scan;
+  context.range_noise_m = range_noise_m_;
+  context.texture_weight = texture_weight(config_, previous);
+  context.largest_texture =
+      largest_texture(scan, std::max(1e-3F, static_cast<float>(config_.intensity_min_gradient)));
+  context.plane_quota = quota(config_.max_planes);
+  context.edge_quota = quota(config_.max_edges);
+  // Texture comes in patches: a sector may hold several times its share, and the best of the scan stay.
+  context.texture_quota = 4 * quota(config_.max_intensity);
   std::vector<RingFeatures> found(rings);
   parallel_chunks(rings, 4, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t r = begin; r < end; ++r) {
       const Ring ring{scan.points.data() + scan.ring_begin[r], scan.ring_begin[r + 1] - scan.ring_begin[r],
                       scan.ring_begin[r]};
-      found[r] =
-          extract_ring(ring, config_, range_noise_m_, quota(config_.max_planes), quota(config_.max_edges));
+      found[r] = extract_ring(ring, config_, context);
     }
   });
+  keep_best_textures(static_cast<std::size_t>(config_.max_intensity), &found);
   for (const RingFeatures& ring : found) {
     for (const std::uint32_t i : ring.planes) features.planes.push_back(scan.points[i]);
     for (const std::uint32_t i : ring.edges) features.edges.push_back(scan.points[i]);
-    features.plane_scores.insert(features.plane_scores.end(), ring.plane_scores.begin(),
-                                 ring.plane_scores.end());
-    features.edge_scores.insert(features.edge_scores.end(), ring.edge_scores.begin(), ring.edge_scores.end());
+    for (const std::uint32_t i : ring.textures) {
+      features.intensity_edges.push_back(scan.points[i]);
+      features.intensity_edges.back().intensity = scan.intensity_level[i];
+    }
+    const auto append = [](const std::vector<float>& from, std::vector<float>* to) {
+      to->insert(to->end(), from.begin(), from.end());
+    };
+    append(ring.plane_scores, &features.plane_scores);
+    append(ring.edge_scores, &features.edge_scores);
+    append(ring.texture_scores, &features.intensity_scores);
   }
   if (features.planes.empty() && features.edges.empty()) {
     reporter_->report(

@@ -27,12 +27,18 @@ constexpr std::size_t kMinMatches = 30;
 constexpr double kMapTrimDistance = 10.0;
 constexpr double kMaxStaticSpeed = 0.1;
 
-VoxelMapConfig map_config(const MappingConfig& mapping, double max_thickness_m) {
+VoxelMapConfig map_config(const MappingConfig& mapping, double voxel_m, double max_thickness_m) {
   VoxelMapConfig config;
-  config.voxel_size_m = mapping.map_voxel_m;
+  config.voxel_size_m = voxel_m;
   config.min_points = static_cast<std::uint32_t>(mapping.plane_min_points);
   config.max_points = static_cast<std::uint32_t>(mapping.max_points_per_voxel);
   config.max_thickness_m = max_thickness_m;
+  return config;
+}
+
+VoxelMapConfig texture_map_config(const MappingConfig& mapping) {
+  VoxelMapConfig config = map_config(mapping, mapping.intensity_voxel_m, mapping.plane_max_thickness_m);
+  config.with_texture = true;
   return config;
 }
 
@@ -71,8 +77,11 @@ class Estimator::Implementation {
         T_imu_lidar_(config.sensor.T_imu_lidar()),
         matcher_(config),
         smoother_(config.mapping.window_size, config.sensor.gravity_mps2),
-        plane_map_(map_config(config.mapping, config.mapping.plane_max_thickness_m)),
-        edge_map_(map_config(config.mapping, config.mapping.line_max_thickness_m)) {}
+        plane_map_(
+            map_config(config.mapping, config.mapping.map_voxel_m, config.mapping.plane_max_thickness_m)),
+        edge_map_(
+            map_config(config.mapping, config.mapping.map_voxel_m, config.mapping.line_max_thickness_m)),
+        texture_map_(texture_map_config(config.mapping)) {}
 
   std::optional<EstimateResult> add(const FeatureSet& features, const degeneracy::Degeneracy& degeneracy,
                                     const std::optional<imu::Preintegration>& imu);
@@ -106,6 +115,7 @@ class Estimator::Implementation {
   Smoother smoother_;
   VoxelMap plane_map_;
   VoxelMap edge_map_;
+  VoxelMap texture_map_;
   int scan_count_ = 0;
   std::optional<imu::NavState> resumed_;
   imu::NavState before_;  ///< estimate of the scan before
@@ -128,6 +138,11 @@ MatchInput Estimator::Implementation::match_input(const FeatureSet& features) co
   input.planes = thin_out(downsample(to_body(features.planes), config_.mapping.feature_voxel_m), limit);
   if (config_.mapping.use_edges) {
     input.edges = downsample(to_body(features.edges), 0.5 * config_.mapping.feature_voxel_m);
+  }
+  if (config_.mapping.use_intensity) {
+    input.textures = to_body(features.intensity_edges);
+    input.levels.reserve(features.intensity_edges.size());
+    for (const Point& point : features.intensity_edges) input.levels.push_back(point.intensity);
   }
   input.origin = T_imu_lidar_.translation();
   return input;
@@ -198,6 +213,7 @@ LidarInformation Estimator::Implementation::optimise(const MatchInput& input, Es
   settings.wide = is_start;
   settings.plane_weight = config_.mapping.plane_weight;
   settings.edge_weight = config_.mapping.edge_weight;
+  settings.intensity_weight = config_.mapping.intensity_weight;
   LidarInformation information;
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const imu::NavState current = smoother_.newest();
@@ -205,8 +221,9 @@ LidarInformation Estimator::Implementation::optimise(const MatchInput& input, Es
     settings.max_residual_m =
         is_start ? std::max(config_.mapping.max_residual_m, kStartMaxResidual * (1.0 - progress))
                  : config_.mapping.max_residual_m;
-    information =
-        matcher_.linearise(input, plane_map_, edge_map_, current.q_odom_imu, current.t_odom_imu, settings);
+    if (!is_start && iteration > 0) settings.max_deviation = config_.mapping.max_deviation;
+    information = matcher_.linearise(input, {plane_map_, edge_map_, texture_map_}, current.q_odom_imu,
+                                     current.t_odom_imu, settings);
     result->status.iterations = static_cast<std::uint32_t>(iteration + 1);
     if (information.planes + information.edges < kMinMatches) {
       result->is_healthy = false;
@@ -302,9 +319,11 @@ void Estimator::Implementation::insert(const FeatureSet& features) {
   };
   add(features.planes, &plane_map_);
   if (config_.mapping.use_edges) add(features.edges, &edge_map_);
+  if (config_.mapping.use_intensity) add(features.intensity_edges, &texture_map_);
   if ((newest.t_odom_imu - trimmed_at_).norm() > kMapTrimDistance) {
     plane_map_.keep_within(newest.t_odom_imu, config_.mapping.map_radius_m);
     edge_map_.keep_within(newest.t_odom_imu, config_.mapping.map_radius_m);
+    texture_map_.keep_within(newest.t_odom_imu, config_.mapping.map_radius_m);
     trimmed_at_ = newest.t_odom_imu;
   }
 }
@@ -337,6 +356,7 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& f
     const LidarInformation information = optimise(match_input(features), &result);
     result.matched_planes = information.planes;
     result.matched_edges = information.edges;
+    result.matched_textures = information.textures;
     const std::size_t matched = information.planes + 2 * information.edges;
     result.status.matched = static_cast<std::uint32_t>(matched);
     if (matched > 0)

@@ -19,8 +19,37 @@ constexpr double kGrowth = 1.25;
 /// A plane is at least this much thinner than wide, and this wide in both directions as a share of the cell.
 constexpr double kMaxFlatness = 0.1;
 constexpr double kMinSpread = 0.12;
+/// An intensity gradient counts when it exceeds so many standard deviations of its own error.
+constexpr double kGradientSignificance = 4.0;
+/// What is believed of the deviation of intensities in a cell before its own points say more, and how many
+/// points that belief is worth: a handful of points that agree by chance must not count for certain.
+constexpr double kPriorIntensityVariance = 0.15 * 0.15;
+constexpr double kPriorIntensityPoints = 10.0;
 
 int level_of(int slot) { return slot == 0 ? 2 : (slot < 9 ? 1 : 0); }
+
+/// Linear regression of the intensity on the two coordinates in the surface.
+void regress_intensity(double least_spread_m, Cell* cell) {
+  cell->intensity_gradient.setZero();
+  cell->is_textured = false;
+  const double freedom = cell->count - 1.0;
+  double slopes[3] = {0.0, 0.0, 0.0};
+  double left = cell->intensity_scatter;
+  for (int axis = 1; axis < 3; ++axis) {
+    if (cell->variances[axis] < least_spread_m * least_spread_m) continue;
+    slopes[axis] = cell->axes.col(axis).dot(cell->cross_scatter) / (freedom * cell->variances[axis]);
+    left -= slopes[axis] * slopes[axis] * freedom * cell->variances[axis];
+  }
+  cell->intensity_variance = (kPriorIntensityPoints * kPriorIntensityVariance + std::max(0.0, left)) /
+                             (kPriorIntensityPoints + freedom - 2.0);
+  for (int axis = 1; axis < 3; ++axis) {
+    const double slope_variance = cell->intensity_variance / (freedom * cell->variances[axis]);
+    if (slopes[axis] * slopes[axis] < kGradientSignificance * kGradientSignificance * slope_variance)
+      continue;
+    cell->intensity_gradient += slopes[axis] * cell->axes.col(axis);
+    cell->is_textured = true;
+  }
+}
 
 }  // namespace
 
@@ -76,6 +105,7 @@ void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vec
     int level;
   };
   std::vector<Dirty> dirty;
+  ++scans_;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Address address = address_of(points[i]);
     auto [entry, is_new] = blocks_.try_emplace(address.key);
@@ -85,10 +115,18 @@ void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vec
       if (cell->count >= config_.max_points) continue;
       // Welford's update, exact for the mean and the scatter about it.
       ++cell->count;
+      if (cell->newest_scan != scans_) {
+        cell->newest_scan = scans_;
+        ++cell->scans;
+      }
       const Eigen::Vector3d before = points[i] - cell->mean;
       cell->mean += before / cell->count;
       cell->scatter += before * (points[i] - cell->mean).transpose();
-      cell->mean_intensity += (intensities[i] - cell->mean_intensity) / static_cast<float>(cell->count);
+      const float intensity_before = intensities[i] - cell->mean_intensity;
+      cell->mean_intensity += intensity_before / static_cast<float>(cell->count);
+      const double intensity_after = intensities[i] - cell->mean_intensity;
+      cell->intensity_scatter += intensity_before * intensity_after;
+      cell->cross_scatter += before * intensity_after;
       if (cell->count < config_.min_points) continue;
       if (cell->count_at_update == 0 || cell->count >= kGrowth * cell->count_at_update) {
         cell->count_at_update = cell->count;
@@ -119,17 +157,25 @@ void VoxelMap::update_axes(Cell* cell, double size_m) const {
                    cell->variances[0] < kMaxFlatness * cell->variances[1] && cell->variances[1] > spread_sq;
   cell->is_line = cell->variances[1] < thickness_sq &&
                   cell->variances[1] < kMaxFlatness * cell->variances[2] && cell->variances[2] > spread_sq;
+  if (config_.with_texture && cell->scans >= config_.min_scans && cell->variances[0] < thickness_sq)
+    regress_intensity(kMinSpread * size_m, cell);
+}
+
+template <typename Accept>
+const Cell* VoxelMap::find_finest(const Eigen::Vector3d& point, const Accept& accept) const {
+  const Address address = address_of(point);
+  const auto block = blocks_.find(address.key);
+  if (block == blocks_.end()) return nullptr;
+  for (int level = 2; level >= 0; --level) {
+    const std::int32_t index = block->second.cells[address.slots[level]];
+    if (index != kNone && accept(cells_[index])) return &cells_[index];
+  }
+  return nullptr;
 }
 
 const Cell* VoxelMap::find_plane(const Eigen::Vector3d& point, bool wide) const {
-  const Address address = address_of(point);
-  const auto block = blocks_.find(address.key);
-  if (block != blocks_.end()) {
-    for (int level = 2; level >= 0; --level) {
-      const std::int32_t index = block->second.cells[address.slots[level]];
-      if (index != kNone && cells_[index].is_plane) return &cells_[index];
-    }
-  }
+  const Cell* around = find_finest(point, [](const Cell& cell) { return cell.is_plane; });
+  if (around != nullptr) return around;
   if (!wide) return nullptr;
   const Cell* nearest = nullptr;
   double nearest_sq = std::numeric_limits<double>::max();
@@ -147,14 +193,11 @@ const Cell* VoxelMap::find_plane(const Eigen::Vector3d& point, bool wide) const 
 }
 
 const Cell* VoxelMap::find_line(const Eigen::Vector3d& point) const {
-  const Address address = address_of(point);
-  const auto block = blocks_.find(address.key);
-  if (block == blocks_.end()) return nullptr;
-  for (int level = 2; level >= 0; --level) {
-    const std::int32_t index = block->second.cells[address.slots[level]];
-    if (index != kNone && cells_[index].is_line) return &cells_[index];
-  }
-  return nullptr;
+  return find_finest(point, [](const Cell& cell) { return cell.is_line; });
+}
+
+const Cell* VoxelMap::find_texture(const Eigen::Vector3d& point) const {
+  return find_finest(point, [](const Cell& cell) { return cell.is_textured; });
 }
 
 void VoxelMap::keep_within(const Eigen::Vector3d& center, double radius_m) {

@@ -93,7 +93,9 @@ DeskewedCloudPtr to_message(const DeskewedScan& scan, const std::string& lidar_f
   message->has_intensity = scan.has_intensity;
   message->ring_begin = scan.ring_begin;
   message->points = to_cloud(scan.points, scan.stamp, lidar_frame);
+  message->intensity_level = scan.intensity_level;
   message->intensity_gradient = scan.intensity_gradient;
+  message->gradient_stability = scan.gradient_stability;
   message->removed = to_cloud(scan.removed, scan.stamp, lidar_frame);
   return message;
 }
@@ -107,8 +109,12 @@ DeskewedScan to_scan(const DeskewedCloud& message) {
   scan.ring_begin = message.ring_begin;
   if (!scan.ring_begin.empty() && scan.ring_begin.back() != scan.points.size())
     throw Error("the rings of a deskewed scan do not cover its points: are all nodes of the same version?");
+  scan.intensity_level = message.intensity_level;
   scan.intensity_gradient = message.intensity_gradient;
+  scan.gradient_stability = message.gradient_stability;
+  check_length("intensity_level", scan.intensity_level.size(), scan.points.size());
   check_length("intensity_gradient", scan.intensity_gradient.size(), scan.points.size());
+  check_length("gradient_stability", scan.gradient_stability.size(), scan.points.size());
   scan.removed = to_points(message.removed);
   return scan;
 }

@@ -8,7 +8,11 @@
 namespace fdi_lio::scan {
 
 ScanProcessor::ScanProcessor(const Config& config, Reporter* reporter)
-    : config_(config), reporter_(reporter) {}
+    : config_(config),
+      reporter_(reporter),
+      intensity_(config.intensity, reporter),
+      gradient_(config.gradient),
+      smoother_(config.gradient) {}
 
 DeskewedScan ScanProcessor::process(Scan scan, const std::optional<imu::NavState>& state,
                                     const imu::ImuBuffer& imu) {
@@ -16,7 +20,8 @@ DeskewedScan ScanProcessor::process(Scan scan, const std::optional<imu::NavState
   // Without an estimate the gyro alone turns the first scan about a point that stands still.
   imu::NavState from;
   from.stamp = scan_begin;
-  if (state && state->stamp < scan.stamp) from = *state;
+  const bool has_state = state && state->stamp < scan.stamp;
+  if (has_state) from = *state;
   const std::vector<imu::ImuSample> readings = imu.between(from.stamp, scan.stamp);
   const double lacking_s =
       readings.empty() ? scan.duration_s : seconds_between(readings.back().stamp, scan.stamp);
@@ -26,8 +31,31 @@ DeskewedScan ScanProcessor::process(Scan scan, const std::optional<imu::NavState
         "IMU readings end before the scan does (longer than imu.max_gap): the rest is deskewed with "
         "constant velocity");
   }
-  deskew(&scan, imu::propagate(from, readings, scan.stamp), config_.sensor.T_imu_lidar());
-  return order_by_ring(scan);
+  const std::vector<imu::NavState> trajectory = imu::propagate(from, readings, scan.stamp);
+  const Eigen::Isometry3d T_imu_lidar = config_.sensor.T_imu_lidar();
+  deskew(&scan, trajectory, T_imu_lidar);
+  DeskewedScan ordered = order_by_ring(scan);
+  std::optional<Eigen::Isometry3d> T_previous_lidar;
+  if (has_state && state->stamp == previous_stamp_) {
+    T_previous_lidar =
+        (state->T_odom_imu() * T_imu_lidar).inverse() * trajectory.back().T_odom_imu() * T_imu_lidar;
+  }
+  previous_stamp_ = scan.stamp;
+  add_intensity(T_previous_lidar, &ordered);
+  return ordered;
+}
+
+void ScanProcessor::add_intensity(const std::optional<Eigen::Isometry3d>& T_previous_lidar,
+                                  DeskewedScan* scan) {
+  image_.build(scan);
+  scan->intensity_level = intensity_.apply(*scan, image_);
+  if (scan->intensity_level.empty()) {
+    smoother_.reset();
+    return;
+  }
+  scan->intensity_gradient = gradient_.compute(*scan, scan->intensity_level, image_);
+  if (config_.gradient.smoothing)
+    scan->gradient_stability = smoother_.update(*scan, image_, T_previous_lidar, &scan->intensity_gradient);
 }
 
 }  // namespace fdi_lio::scan

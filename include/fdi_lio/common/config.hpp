@@ -6,6 +6,7 @@
 
 #include "fdi_lio/common/parameter_visitor.hpp"
 #include "fdi_lio/degeneracy/degeneracy_config.hpp"
+#include "fdi_lio/scan/scan_config.hpp"
 
 namespace fdi_lio {
 
@@ -79,8 +80,15 @@ struct FeatureConfig {
   int sectors = 8;
   int max_planes = 10000;
   int max_edges = 1500;
+  int max_intensity = 2000;
+  double intensity_min_gradient = 0.1;
   double occlusion_jump_ratio = 0.05;
   double min_incidence_deg = 5.0;
+  double score_weight = 0.3;
+  double score_fdi_gain = 0.4;
+  double score_class_gain = 0.1;
+  double score_max_weight = 0.8;
+  double score_stability = 0.1;
 
   void visit(ParameterVisitor& visitor);
 };
@@ -106,8 +114,11 @@ struct MappingConfig {
   double keyframe_rotation_weight_m_per_rad = 2.0;
   double output_map_voxel_m = 0.1;
   bool use_edges = true;
+  bool use_intensity = true;
   double plane_weight = 1.0;
   double edge_weight = 0.1;
+  double intensity_weight = 1.0;
+  double intensity_voxel_m = 0.2;
   double line_max_thickness_m = 0.05;
 
   void visit(ParameterVisitor& visitor);
@@ -145,6 +156,8 @@ struct Config {
   SensorConfig sensor;
   FrameConfig frames;
   ImuConfig imu;
+  scan::IntensityConfig intensity;
+  scan::GradientConfig gradient;
   FeatureConfig features;
   MappingConfig mapping;
   degeneracy::DegeneracyConfig degeneracy;

@@ -48,8 +48,12 @@ struct DeskewedScan {
   std::vector<Point> points;              ///< lidar frame at `stamp`
   std::vector<std::uint32_t> ring_begin;  ///< ring r is points[ring_begin[r], ring_begin[r + 1])
   bool has_intensity = false;
-  std::vector<float> intensity_gradient;  ///< per point, smoothed; empty while the gradient is off
-  std::vector<Point> removed;             ///< points classified as moving
+  /// Per point, empty where intensity is absent or off: comparable intensity J (scan::IntensityModel), its
+  /// smoothed gradient, and how well the smoothing predicted it, [0, 1].
+  std::vector<float> intensity_level;
+  std::vector<float> intensity_gradient;
+  std::vector<float> gradient_stability;
+  std::vector<Point> removed;  ///< points classified as moving
 
   std::size_t ring_count() const { return ring_begin.empty() ? 0 : ring_begin.size() - 1; }
 };
@@ -59,7 +63,8 @@ struct FeatureSet {
   Stamp stamp = 0;
   std::vector<Point> planes;
   std::vector<Point> edges;
-  std::vector<Point> intensity_edges;  ///< high intensity gradient on smooth surfaces
+  /// High intensity gradient on smooth surfaces. Their `intensity` is the comparable one, J.
+  std::vector<Point> intensity_edges;
   std::vector<float> plane_scores;
   std::vector<float> edge_scores;
   std::vector<float> intensity_scores;

@@ -9,7 +9,8 @@
 
 namespace fdi_lio::features {
 
-/// The work of the feature_extraction node: edges and planes by curvature along the rings.
+/// The work of the feature_extraction node: edges and planes by curvature along the rings, intensity features
+/// by the intensity gradient on smooth surfaces; the best of each sector by the composite score.
 class FeatureExtractor {
  public:
   FeatureExtractor(const Config& config, Reporter* reporter);

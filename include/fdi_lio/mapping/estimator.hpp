@@ -24,6 +24,7 @@ struct EstimateResult {
   bool is_healthy = true;  ///< false: no match was possible, the pose is a prediction
   std::size_t matched_planes = 0;
   std::size_t matched_edges = 0;
+  std::size_t matched_textures = 0;
 };
 
 /// The work of the mapping_optimization node: features and preintegrated IMU in, state out. Holds the

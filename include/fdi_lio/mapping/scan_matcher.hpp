@@ -19,6 +19,8 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 struct MatchInput {
   std::vector<Eigen::Vector3d> planes;
   std::vector<Eigen::Vector3d> edges;
+  std::vector<Eigen::Vector3d> textures;             ///< intensity features
+  std::vector<float> levels;                         ///< their comparable intensities J
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< of the lidar, in the body frame
 };
 
@@ -32,6 +34,7 @@ struct LidarInformation {
   double squared_error = 0.0;  ///< sum of squared plane and line distances [m^2]
   std::size_t planes = 0;
   std::size_t edges = 0;
+  std::size_t textures = 0;
 };
 
 /// How far and how strictly matches are looked for.
@@ -41,16 +44,25 @@ struct MatchSettings {
   bool wide = false;           ///< look into neighbouring cells too: before the velocity is known
   double plane_weight = 1.0;
   double edge_weight = 1.0;
+  double intensity_weight = 1.0;
 };
 
-/// Point-to-plane and point-to-line residuals of scan features against the local map, with noise-aware
-/// weights and a Cauchy kernel (one round of iteratively re-weighted Gauss-Newton).
+/// The three local maps that features are matched to, by class.
+struct FeatureMaps {
+  const VoxelMap& planes;
+  const VoxelMap& edges;
+  const VoxelMap& textures;
+};
+
+/// Residuals of scan features against the local map, with noise-aware weights and a Cauchy kernel (one round
+/// of iteratively re-weighted Gauss-Newton): point to plane, point to line, and for intensity features the
+/// difference between the map's intensity at the point and its own, r = mean_intensity + g . (p - mean) - J.
 class ScanMatcher {
  public:
   explicit ScanMatcher(const Config& config);
 
   /// Associates `input` at the given pose and sums the normal equations.
-  LidarInformation linearise(const MatchInput& input, const VoxelMap& plane_map, const VoxelMap& edge_map,
+  LidarInformation linearise(const MatchInput& input, const FeatureMaps& maps,
                              const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
                              const MatchSettings& settings) const;
 

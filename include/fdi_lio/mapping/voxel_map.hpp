@@ -16,10 +16,20 @@ struct Cell {
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();   ///< columns, smallest variance first
   Eigen::Vector3d variances = Eigen::Vector3d::Zero();  ///< ascending [m^2]
   float mean_intensity = 0.0F;
+  double intensity_scatter = 0.0;  ///< sum of squared deviations from the mean intensity
+  /// Sum of (position - mean) (intensity - mean intensity).
+  Eigen::Vector3d cross_scatter = Eigen::Vector3d::Zero();
+  /// Regression of intensity on the position in the surface: I(x) = mean_intensity + gradient . (x - mean),
+  /// map frame [1/m], and the variance that it leaves. Zero where no gradient stands out from its own error.
+  Eigen::Vector3d intensity_gradient = Eigen::Vector3d::Zero();
+  double intensity_variance = 0.0;
   std::uint32_t count = 0;
+  std::uint32_t scans = 0;            ///< that gave points
+  std::uint32_t newest_scan = 0;      ///< number of the last of them, counted from 1
   std::uint32_t count_at_update = 0;  ///< points that `axes` and `variances` were computed from
   bool is_plane = false;
   bool is_line = false;
+  bool is_textured = false;  ///< has an intensity gradient
 };
 
 struct VoxelMapConfig {
@@ -27,6 +37,8 @@ struct VoxelMapConfig {
   std::uint32_t min_points = 6;    ///< before a cell is used
   std::uint32_t max_points = 200;  ///< a cell stops averaging
   double max_thickness_m = 0.1;    ///< deviation across a plane or a line
+  bool with_texture = false;       ///< find intensity gradients
+  std::uint32_t min_scans = 3;     ///< that a cell needs for an intensity gradient
 };
 
 /// Incremental voxel hash with three levels of cells: 1, 2 and 4 times the voxel size. A hash entry is one
@@ -46,6 +58,9 @@ class VoxelMap {
 
   /// The finest cell around `point` that is a line; nullptr when there is none.
   const Cell* find_line(const Eigen::Vector3d& point) const;
+
+  /// The finest cell around `point` that has an intensity gradient; nullptr when there is none.
+  const Cell* find_texture(const Eigen::Vector3d& point) const;
 
   /// Forgets blocks that are farther than `radius_m` from `center`.
   void keep_within(const Eigen::Vector3d& center, double radius_m);
@@ -75,12 +90,15 @@ class VoxelMap {
   Key key_of(const Eigen::Vector3d& point) const;
   Cell* cell_at(Block* block, int slot);
   void update_axes(Cell* cell, double size_m) const;
+  template <typename Accept>
+  const Cell* find_finest(const Eigen::Vector3d& point, const Accept& accept) const;
 
   VoxelMapConfig config_;
   double block_size_m_;
   std::unordered_map<Key, Block, KeyHash> blocks_;
   std::vector<Cell> cells_;
   std::vector<std::int32_t> free_;
+  std::uint32_t scans_ = 0;  ///< insertions so far
 };
 
 }  // namespace fdi_lio::mapping

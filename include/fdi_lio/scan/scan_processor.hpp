@@ -7,10 +7,15 @@
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/imu/imu_buffer.hpp"
+#include "fdi_lio/scan/gradient_smoother.hpp"
+#include "fdi_lio/scan/intensity_gradient.hpp"
+#include "fdi_lio/scan/intensity_model.hpp"
+#include "fdi_lio/scan/range_image.hpp"
 
 namespace fdi_lio::scan {
 
-/// The work of the scan_deskew node: raw scan in, deskewed and ordered scan out.
+/// The work of the scan_deskew node: raw scan in; out comes the scan, deskewed, ordered, with its intensity
+/// gradient.
 class ScanProcessor {
  public:
   ScanProcessor(const Config& config, Reporter* reporter);
@@ -20,8 +25,15 @@ class ScanProcessor {
   DeskewedScan process(Scan scan, const std::optional<imu::NavState>& state, const imu::ImuBuffer& imu);
 
  private:
+  void add_intensity(const std::optional<Eigen::Isometry3d>& T_previous_lidar, DeskewedScan* scan);
+
   Config config_;
   Reporter* reporter_;
+  IntensityModel intensity_;
+  IntensityGradient gradient_;
+  GradientSmoother smoother_;
+  RangeImage image_;
+  std::optional<Stamp> previous_stamp_;
 };
 
 }  // namespace fdi_lio::scan

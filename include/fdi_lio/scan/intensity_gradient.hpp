@@ -1,0 +1,31 @@
+#pragma once
+
+#include <vector>
+
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/scan/range_image.hpp"
+#include "fdi_lio/scan/scan_config.hpp"
+
+namespace fdi_lio::scan {
+
+/// Two-scale intensity gradient of each point, IDG_i = (1 / |N_i|) sum_{j in N_i} |J_j - J_i|.
+///
+/// Candidates for N_i come from a window of the range image: 3 rings x 5 columns for the fine scale, 5 x 9
+/// for the coarse one; near the sensor, where a column is narrower than `sample_spacing`, every s-th column.
+/// Of these the k nearest are taken (knn), or all within the scale's radius (radius). The local density rho_i
+/// = (points in the fine radius) / (4/3 pi fine_radius^3) chooses the scale: the fine one where the radius
+/// holds at least `fine_neighbours` points, else the coarse one.
+class IntensityGradient {
+ public:
+  explicit IntensityGradient(const GradientConfig& config);
+
+  /// Gradient of each point, in the order of `scan.points`; 0 where a point has no neighbour.
+  /// `levels` are the intensities of IntensityModel::apply, of the same size.
+  std::vector<float> compute(const DeskewedScan& scan, const std::vector<float>& levels,
+                             const RangeImage& image) const;
+
+ private:
+  GradientConfig config_;
+};
+
+}  // namespace fdi_lio::scan

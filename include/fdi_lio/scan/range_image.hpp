@@ -1,0 +1,64 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "fdi_lio/common/scan_types.hpp"
+
+namespace fdi_lio::scan {
+
+/// A deskewed scan by ring and azimuth: row = ring (0 is the lowest), column = clockwise from behind. A cell
+/// holds at most one point, the nearest that fell into it. Neighbours in space are looked for in a window of
+/// cells, at constant cost.
+class RangeImage {
+ public:
+  static constexpr std::uint32_t kNone = 0xFFFFFFFFU;
+
+  /// Replaces the content and sets `Point::column` of every point. The number of columns is found from the
+  /// spacing of the points and kept while it fits.
+  void build(DeskewedScan* scan);
+
+  int rings() const { return rings_; }
+  int columns() const { return columns_; }
+  bool empty() const { return index_.empty(); }
+
+  /// Index of the point in a cell, or kNone; `column` may be off by less than a revolution.
+  std::uint32_t at(int ring, int column) const { return index_[cell(ring, column)]; }
+  /// Range of the point in a cell [m]; 0 without one.
+  float range_at(int ring, int column) const { return range_[cell(ring, column)]; }
+
+  /// Cell that looks towards a point in this scan's lidar frame.
+  struct Direction {
+    int ring = 0;
+    int column = 0;
+    float range_m = 0.0F;
+    bool is_inside = false;  ///< false: above, below or between the beams by more than their spacing
+  };
+  Direction look_at(const Eigen::Vector3f& point) const;
+
+ private:
+  static constexpr int kElevationBins = 4096;
+
+  std::size_t cell(int ring, int column) const {
+    const int wrapped = column < 0 ? column + columns_ : (column >= columns_ ? column - columns_ : column);
+    return static_cast<std::size_t>(ring) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(wrapped);
+  }
+  int column_of(const Eigen::Vector3f& point) const;
+  void choose_columns(const DeskewedScan& scan);
+  void learn_elevations(const DeskewedScan& scan);
+
+  int rings_ = 0;
+  int columns_ = 0;
+  std::vector<std::uint32_t> index_;
+  std::vector<float> range_;
+  std::array<std::int16_t, kElevationBins> ring_of_sine_{};  ///< -1: no beam looks there
+};
+
+/// atan2 by a polynomial: within 1e-5 rad, far less than a cell.
+float fast_atan2(float y, float x);
+
+}  // namespace fdi_lio::scan
