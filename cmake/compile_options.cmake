@@ -6,12 +6,18 @@ target_compile_definitions(fdi_lio_options INTERFACE FDI_LIO_VERSION="${PROJECT_
 # Eigen's static vectorisation and FMA contraction must not differ between builds that are compared.
 target_compile_options(fdi_lio_options INTERFACE -ffp-contract=off)
 
-if(FDI_LIO_SANITIZER STREQUAL "address")
-  target_compile_options(fdi_lio_options INTERFACE -fsanitize=address,undefined -fno-omit-frame-pointer -g)
-  target_link_options(fdi_lio_options INTERFACE -fsanitize=address,undefined)
-elseif(FDI_LIO_SANITIZER STREQUAL "thread")
-  target_compile_options(fdi_lio_options INTERFACE -fsanitize=thread -fno-omit-frame-pointer -g)
-  target_link_options(fdi_lio_options INTERFACE -fsanitize=thread)
-elseif(NOT FDI_LIO_SANITIZER STREQUAL "")
-  message(FATAL_ERROR "FDI_LIO_SANITIZER is '${FDI_LIO_SANITIZER}': use address, thread, or leave it empty")
+# An installed program finds our libraries without an environment.
+set(CMAKE_INSTALL_RPATH "$ORIGIN;$ORIGIN/..")
+
+set(sanitizers_address address,undefined)
+set(sanitizers_undefined undefined)
+set(sanitizers_thread thread)
+if(FDI_LIO_SANITIZER)
+  if(NOT DEFINED sanitizers_${FDI_LIO_SANITIZER})
+    message(FATAL_ERROR
+      "FDI_LIO_SANITIZER is '${FDI_LIO_SANITIZER}': use address, undefined, thread, or leave it empty")
+  endif()
+  set(sanitizer_flags -fsanitize=${sanitizers_${FDI_LIO_SANITIZER}} -fno-sanitize-recover=all)
+  target_compile_options(fdi_lio_options INTERFACE ${sanitizer_flags} -fno-omit-frame-pointer -g)
+  target_link_options(fdi_lio_options INTERFACE ${sanitizer_flags})
 endif()

@@ -76,7 +76,9 @@ def play(arguments):
         command += ["--start", str(arguments.start)]
     if arguments.duration > 0:
         command += ["--duration", str(arguments.duration)]
-    player = subprocess.Popen(command + arguments.bags)
+    # rosbag announces "clock" relative to its namespace, and everybody listens to /clock.
+    environment = {name: value for name, value in os.environ.items() if name != "ROS_NAMESPACE"}
+    player = subprocess.Popen(command + arguments.bags, env=environment)
     while player.poll() is None and not rospy.is_shutdown():
         time.sleep(0.1)
     if player.poll() is None:

@@ -16,7 +16,7 @@ debian_packages=(
   libdiagnostic-updater-dev libdiagnostic-msgs-dev
   librostest-dev python3-rostest python3-roslaunch
   python3-std-msgs python3-geometry-msgs python3-nav-msgs python3-sensor-msgs python3-diagnostic-msgs
-  python3-rosbag python3-rospy python3-rosnode python3-rostopic python3-tf2-ros rosout
+  python3-rosbag python3-rosgraph python3-rospy python3-rosnode python3-rostopic python3-tf2-ros rosout
   libvisualization-msgs-dev ros-visualization-msgs librviz-dev rviz
   libpcl-ros-dev libpcl-conversions-dev libpcl-dev
   # numerics
@@ -50,7 +50,7 @@ install_noetic() {
     exit 1
   fi
   as_root apt-get update -q
-  as_root apt-get install -q -y python3-rosdep libembree-dev libgeographic-dev xvfb
+  as_root apt-get install -q -y python3-rosdep python3-catkin-lint clang-format ccache xvfb imagemagick
   [ -e /etc/ros/rosdep/sources.list.d/20-default.list ] || as_root rosdep init
   rosdep update
   rosdep install --from-paths "$here" --ignore-src --rosdistro noetic -y

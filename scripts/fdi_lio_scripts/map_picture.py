@@ -55,4 +55,6 @@ def draw_map(axes: plots.Axes, points: np.ndarray, field: str, label: str, path:
     axes.grid(False)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
+    left, right, bottom, top = extent
+    plots.fit_height(axes.figure, right - left, top - bottom)
     axes.figure.colorbar(picture, ax=axes, label=label, shrink=0.8)

@@ -20,6 +20,7 @@ ERROR_COLOUR = "#c0392b"
 # The environment classes of the package; any other name gets the last colour.
 CLASS_COLOURS = {"structured": "#8fbf8f", "sparse": "#f2c46d", "dynamic": "#d98880", "mixed": "#a9b7d9"}
 OTHER_CLASS_COLOUR = "#cccccc"
+LABELS_IN = 0.6  # height of the labels of an axis
 
 plt.rcParams.update({
     "figure.dpi": 110, "font.size": 10, "axes.grid": True, "grid.alpha": 0.3, "axes.axisbelow": True,
@@ -35,6 +36,12 @@ def new_figure(width_in: float, height_in: float, rows: int = 1, heights: Option
             "height_ratios": heights or [1] * rows
         }
     )
+
+
+def fit_height(figure: Figure, width_m: float, height_m: float) -> None:
+    """Makes a picture with equal scales as high as what it shows, within what fits a page."""
+    share = float(np.clip(height_m / max(width_m, 1e-6), 0.25, 0.8))
+    figure.set_figheight(share * figure.get_figwidth() + LABELS_IN)
 
 
 def save(figure: Figure, path: str) -> None:
@@ -69,6 +76,7 @@ def path_view(axes: Axes, vertical: int, estimate: Trajectory, truth: Optional[T
     if vertical == 1:
         axes.set_ylabel("y [m]")
         axes.set_aspect("equal", adjustable="datalim")
+        fit_height(axes.figure, *np.ptp(estimate.positions[:, :2], axis=0))
     else:
         axes.set_ylabel("z [m] (own scale)")
         # Without this a flat path fills the picture with millimetres of noise.
@@ -90,6 +98,7 @@ def error_on_path(axes: Axes, truth: Trajectory, errors_m: np.ndarray) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
+    fit_height(axes.figure, *np.ptp(points, axis=0))
     axes.figure.colorbar(lines, ax=axes, label="position error [m]", shrink=0.85)
 
 

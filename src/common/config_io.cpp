@@ -39,7 +39,8 @@ YAML::Node parse_file(const std::filesystem::path& path) {
   try {
     return YAML::LoadFile(path.string());
   } catch (const YAML::BadFile&) {
-    throw Error("cannot read the configuration " + path.string() + ": check the path");
+    throw Error("cannot read the configuration " + path.string() +
+                ": check the path (what an include names is looked for beside the file that includes it)");
   } catch (const YAML::Exception& error) {
     throw Error("the configuration " + path.string() + " is not valid YAML: " + error.what());
   }

@@ -160,11 +160,8 @@ void MappingOptimization::on_scan(const DeskewedCloudConstPtr& message) {
 
 bool MappingOptimization::prepare() {
   if (estimator_) return true;
-  const auto T_imu_lidar = frames_->T_imu_lidar(features_.front()->header.frame_id);
-  if (!T_imu_lidar || !frames_->T_base_imu()) return false;
-  known_ = config();
-  known_->sensor.t_imu_lidar = T_imu_lidar->translation();
-  known_->sensor.q_imu_lidar = Eigen::Quaterniond(T_imu_lidar->rotation());
+  known_ = frames_->config_with_extrinsics(features_.front()->header.frame_id);
+  if (!known_ || !frames_->T_base_imu()) return false;
   estimator_.emplace(*known_, reporter());
   return true;
 }

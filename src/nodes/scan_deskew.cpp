@@ -88,12 +88,9 @@ bool ScanDeskew::prepare() {
   if (processor_) return true;
   const bool is_heard = info_publisher_.getNumSubscribers() > 0 && scan_publisher_.getNumSubscribers() > 2;
   if (!is_heard && seconds_since(started_) < kConnectS) return false;
-  const auto T_imu_lidar = frames_->T_imu_lidar(lidar_frame_);
-  if (!T_imu_lidar) return false;
-  Config known = config();
-  known.sensor.t_imu_lidar = T_imu_lidar->translation();
-  known.sensor.q_imu_lidar = Eigen::Quaterniond(T_imu_lidar->rotation());
-  processor_.emplace(known, reporter());
+  const auto known = frames_->config_with_extrinsics(lidar_frame_);
+  if (!known) return false;
+  processor_.emplace(*known, reporter());
   return true;
 }
 

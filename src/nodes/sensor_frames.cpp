@@ -52,9 +52,14 @@ std::optional<Eigen::Isometry3d> SensorFrames::T_base_imu() {
   return T_base_imu_;
 }
 
-std::optional<Eigen::Isometry3d> SensorFrames::T_imu_lidar(const std::string& lidar_frame) {
-  if (!T_imu_lidar_) T_imu_lidar_ = look_up(imu_frame_, lidar_frame);
-  return T_imu_lidar_;
+std::optional<Config> SensorFrames::config_with_extrinsics(const std::string& lidar_frame) {
+  if (!T_imu_lidar_) {
+    T_imu_lidar_ = look_up(imu_frame_, lidar_frame);
+    if (!T_imu_lidar_) return std::nullopt;
+    config_.sensor.t_imu_lidar = T_imu_lidar_->translation();
+    config_.sensor.q_imu_lidar = Eigen::Quaterniond(T_imu_lidar_->rotation());
+  }
+  return config_;
 }
 
 void SensorFrames::publish_sensors(const std::string& lidar_frame) {

@@ -25,8 +25,9 @@ class SensorFrames {
   /// T_base_imu; nothing while tf is asked and does not know it yet (a warning says so).
   std::optional<Eigen::Isometry3d> T_base_imu();
 
-  /// T_imu_lidar for clouds of frame `lidar_frame`; nothing while tf does not know it yet.
-  std::optional<Eigen::Isometry3d> T_imu_lidar(const std::string& lidar_frame);
+  /// The parameters with the T_imu_lidar of clouds of frame `lidar_frame`; nothing while tf does not know it
+  /// yet. Without tf they are the parameters bit for bit, so that the nodes compute what offline_slam does.
+  std::optional<Config> config_with_extrinsics(const std::string& lidar_frame);
 
   /// Publishes base_link -> IMU and lidar as static transforms, when `frames.sensor_tf` asks for it; with
   /// `auto` only when tf does not know the lidar. Does its work once.

@@ -69,7 +69,7 @@ def write_bag(path, scans, shots, dual=False):
 
 def dump(bag, topic):
     """Scans as (stamp in ns, array of x y z intensity ring time), the points in the order of time and ring."""
-    lines = subprocess.run([TEST_BIN / "dump_scans", bag, topic], check=True, capture_output=True, text=True).stdout
+    lines = subprocess.run([TEST_BIN / "dump_test_scans", bag, topic], check=True, capture_output=True, text=True).stdout
     scans = []
     for part in lines.split("scan ")[1:]:
         head, _, rest = part.partition("\n")
