@@ -31,11 +31,10 @@ void ImuPreintegration::start() {
 
 void ImuPreintegration::on_imu(const sensor_msgs::ImuConstPtr& message) {
   frames_->learn_imu_frame(message->header.frame_id);
-  const bool had_readings = !imu_->empty();
-  const Stamp before = had_readings ? imu_->newest() : 0;
-  if (!imu_->add(ros_bridge::to_imu_sample(*message))) return;
+  const StampVerdict verdict = imu_->add(ros_bridge::to_imu_sample(*message));
+  if (verdict == StampVerdict::kDrop) return;
+  if (verdict == StampVerdict::kRestart) propagator_.reset();
   const imu::ImuSample& sample = imu_->samples().back();
-  if (had_readings && sample.stamp < before) propagator_.reset();
   if (const auto state = propagator_.add(sample)) publish_odometry(*state);
   imu_->drop_before(add_seconds(sample.stamp, -kKeptReadingsS));
   while (answer_front()) {

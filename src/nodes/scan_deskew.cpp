@@ -37,7 +37,7 @@ void ScanDeskew::start() {
 
 void ScanDeskew::on_imu(const sensor_msgs::ImuConstPtr& message) {
   frames_->learn_imu_frame(message->header.frame_id);
-  if (!imu_->add(ros_bridge::to_imu_sample(*message))) return;
+  if (imu_->add(ros_bridge::to_imu_sample(*message)) == StampVerdict::kDrop) return;
   const Stamp kept = scans_.empty() ? imu_->newest() : std::min(imu_->newest(), scans_.front().stamp);
   imu_->drop_before(add_seconds(kept, -kKeptReadingsS));
   while (process_front()) {
@@ -56,11 +56,11 @@ void ScanDeskew::on_cloud(const sensor_msgs::PointCloud2ConstPtr& message) {
   std::optional<Scan> scan = reader_->read(ros_bridge::to_raw_cloud(*message));
   if (!scan) return;
   switch (guard_.check(scan->stamp)) {
-    case scan::StampVerdict::kDrop:
+    case StampVerdict::kDrop:
       reporter()->report(Severity::kWarning, "scan_order",
                          "a scan was dropped: its stamp does not follow the one before");
       return;
-    case scan::StampVerdict::kRestart:
+    case StampVerdict::kRestart:
       reporter()->report(Severity::kWarning, "scan_jump",
                          "the stamps of the scans jumped by more than 10 s: starting anew");
       scans_.clear();
@@ -68,7 +68,7 @@ void ScanDeskew::on_cloud(const sensor_msgs::PointCloud2ConstPtr& message) {
       state_.reset();
       state_gate_->reset();
       break;
-    case scan::StampVerdict::kAccept:
+    case StampVerdict::kAccept:
       break;
   }
   if (scans_.size() >= static_cast<std::size_t>(config().nodes.scan_queue)) {

@@ -10,10 +10,10 @@
 #include <sensor_msgs/PointCloud2.h>
 
 #include "fdi_lio/common/answer_gate.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/imu_buffer.hpp"
 #include "fdi_lio/scan/point_cloud_reader.hpp"
 #include "fdi_lio/scan/scan_processor.hpp"
-#include "fdi_lio/scan/stamp_guard.hpp"
 #include <fdi_lio/EstimatorState.h>
 
 namespace fdi_lio::nodes {
@@ -40,7 +40,7 @@ class ScanDeskew : public NodeBase {
   std::optional<scan::ScanProcessor> processor_;
   std::optional<AnswerGate> state_gate_;
   std::optional<SensorFrames> frames_;
-  scan::StampGuard guard_;
+  StampGuard guard_;
   std::optional<imu::NavState> state_;
   std::optional<Stamp> previous_scan_;
   std::deque<Scan> scans_;

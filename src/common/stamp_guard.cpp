@@ -1,8 +1,8 @@
-#include "fdi_lio/scan/stamp_guard.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 
 #include <cmath>
 
-namespace fdi_lio::scan {
+namespace fdi_lio {
 
 namespace {
 constexpr double kJumpS = 10.0;
@@ -29,4 +29,4 @@ StampVerdict StampGuard::check(Stamp stamp) {
   return StampVerdict::kRestart;
 }
 
-}  // namespace fdi_lio::scan
+}  // namespace fdi_lio

@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
 
-#include "fdi_lio/scan/stamp_guard.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 
-namespace fdi_lio::scan {
+namespace fdi_lio {
 namespace {
 
 class Guard : public testing::Test {
@@ -68,4 +68,4 @@ TEST_F(Guard, AFirstWrongStampIsGivenUp) {
 }
 
 }  // namespace
-}  // namespace fdi_lio::scan
+}  // namespace fdi_lio
