@@ -9,13 +9,15 @@ constexpr double kJumpS = 10.0;
 constexpr double kConfirmS = 1.0;
 }  // namespace
 
+bool is_jump(Stamp from, Stamp to) { return std::abs(seconds_between(from, to)) > kJumpS; }
+
 StampVerdict StampGuard::check(Stamp stamp) {
   if (!newest_) {
     newest_ = stamp;
     return StampVerdict::kAccept;
   }
   const double step = seconds_between(*newest_, stamp);
-  if (std::abs(step) <= kJumpS) {
+  if (!is_jump(*newest_, stamp)) {
     jump_.reset();
     if (step <= 0.0) return StampVerdict::kDrop;
     newest_ = stamp;

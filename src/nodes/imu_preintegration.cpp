@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/scan_interval.hpp"
 #include "fdi_lio/ros/conversions.hpp"
 #include "fdi_lio/ros/message_conversions.hpp"
@@ -42,6 +43,10 @@ void ImuPreintegration::on_imu(const sensor_msgs::ImuConstPtr& message) {
 }
 
 void ImuPreintegration::on_state(const EstimatorStateConstPtr& message) {
+  // A late answer about what was before a jump.
+  if (!scans_.empty() &&
+      is_jump(ros_bridge::to_stamp(scans_.back()->header.stamp), ros_bridge::to_stamp(message->answers)))
+    return;
   state_ = ros_bridge::to_state(*message);
   state_message_ = message;
   state_gate_->answered(ros_bridge::to_stamp(message->answers));
@@ -53,8 +58,8 @@ void ImuPreintegration::on_state(const EstimatorStateConstPtr& message) {
 
 void ImuPreintegration::on_scan(const ScanInfoConstPtr& message) {
   const Stamp stamp = ros_bridge::to_stamp(message->header.stamp);
-  if (previous_scan_ && stamp < *previous_scan_) {
-    // The recording was started again: nothing of before belongs to it.
+  if (previous_scan_ && (stamp < *previous_scan_ || is_jump(*previous_scan_, stamp))) {
+    // The recording was started again, or a clock was set: nothing of before belongs to it.
     scans_.clear();
     previous_scan_.reset();
     state_.reset();

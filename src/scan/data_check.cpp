@@ -109,6 +109,15 @@ std::string unknown_unit(double sent) {
 
 }  // namespace
 
+bool report_findings(const std::vector<Finding>& findings, Reporter* reporter) {
+  bool has_error = false;
+  for (const Finding& finding : findings) {
+    reporter->report(finding.severity, "check_" + finding.key, finding.text);
+    has_error = has_error || finding.severity == Severity::kError;
+  }
+  return has_error;
+}
+
 DataCheck::DataCheck(const Config& config) : config_(config), imu_(config.sensor, &imu_reporter_) {}
 
 void DataCheck::add_imu(const imu::ImuSample& sample) {
@@ -144,6 +153,11 @@ void DataCheck::add_scan(const Scan& scan) {
     summary.points.push_back(scan.points[i].position);
   for (const Point& point : scan.points) rings_.insert(point.ring);
   scans_.push_back(std::move(summary));
+}
+
+void DataCheck::set_extrinsic(const Eigen::Isometry3d& T_imu_lidar) {
+  config_.sensor.t_imu_lidar = T_imu_lidar.translation();
+  config_.sensor.q_imu_lidar = Eigen::Quaterniond(T_imu_lidar.rotation());
 }
 
 std::vector<Finding> DataCheck::findings() const {

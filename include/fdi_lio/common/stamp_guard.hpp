@@ -13,6 +13,10 @@ enum class StampVerdict {
   kRestart,  ///< a confirmed jump: a recording that was started again, or a clock that was set
 };
 
+/// Whether the step between two stamps, in either direction, is too long for what came before to mean
+/// anything.
+bool is_jump(Stamp from, Stamp to);
+
 /// Watches the stamps of successive messages. A jump of more than ten seconds is believed only when the next
 /// one follows it, so that one wrong stamp costs one message, and a looped recording starts anew.
 class StampGuard {

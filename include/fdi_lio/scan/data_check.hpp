@@ -20,6 +20,9 @@ struct Finding {
   std::string text;  ///< what was measured, what was expected, which parameter to change
 };
 
+/// Gives findings to `reporter`, under their key after `check_`; true when one is an error.
+bool report_findings(const std::vector<Finding>& findings, Reporter* reporter);
+
 /// Looks at the first seconds of a recording and compares them with the configuration: units, rates, clocks,
 /// the extrinsic against gravity, the layout of the clouds. Feed it in the order of reception, then ask.
 /// Where stamps jump for good (StampGuard) it stops to look.
@@ -32,6 +35,9 @@ class DataCheck {
 
   /// One scan as the reader made it, not deskewed, lidar frame.
   void add_scan(const Scan& scan);
+
+  /// Replaces the extrinsic of the configuration, for one that is known only later (tf).
+  void set_extrinsic(const Eigen::Isometry3d& T_imu_lidar);
 
   /// Everything found so far, errors first. Empty: nothing to complain about.
   std::vector<Finding> findings() const;
