@@ -8,7 +8,6 @@ Reads TUM, KITTI and bag files. The formulas are in docs/evaluation.md; the defa
 import argparse
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import List
 
 from fdi_lio_scripts import errors, tables
@@ -102,12 +101,12 @@ def read_all(arguments: argparse.Namespace) -> tuple:
 def write_outputs(arguments: argparse.Namespace, evaluations: List[Evaluation]) -> None:
     """Everything that was asked for beside the table."""
     if arguments.markdown:
-        Path(arguments.markdown).write_text(tables.markdown_table(evaluations), encoding="utf-8")
+        errors.write_text(arguments.markdown, tables.markdown_table(evaluations))
     if arguments.csv:
-        Path(arguments.csv).write_text(tables.csv_table(evaluations), encoding="utf-8")
+        errors.write_text(arguments.csv, tables.csv_table(evaluations))
     if arguments.json:
         summaries = [evaluation.summary() for evaluation in evaluations]
-        Path(arguments.json).write_text(json.dumps(summaries, indent=2) + "\n", encoding="utf-8")
+        errors.write_text(arguments.json, json.dumps(summaries, indent=2) + "\n")
     if arguments.plots:
         # matplotlib takes a second to load, which a table does not need
         from fdi_lio_scripts.evaluation_plots import write_plots  # pylint: disable=import-outside-toplevel

@@ -2,7 +2,8 @@
 """Plays a recording to the nodes and ends when its last scan has been mapped.
 
 Waits until all nodes listen, so that nothing of the beginning is lost, starts `rosbag play --clock`, and after its end
-waits until mapping has been silent for a while. Made for fdi_lio.launch.
+waits until mapping has been silent for a while. Where the recording lacks the lidar's topic and has exactly one other of
+a fitting type, that one is played in its place. Made for fdi_lio.launch.
 """
 import argparse
 import os
@@ -11,12 +12,14 @@ import subprocess
 import sys
 import time
 
+import rosbag
 import rosgraph
 import rospy
 from fdi_lio.msg import EstimatorState
 
 TOPICS = ("scan/deskewed", "scan/info", "imu/preintegrated", "features/all", "degeneracy", "mapping/status",
           "mapping/state")
+LIDAR_TYPES = ("sensor_msgs/PointCloud2", "velodyne_msgs/VelodyneScan")
 NODES_TIMEOUT_S = 60.0
 # Between advertising the recording's topics and its first message.
 CONNECT_S = 1.0
@@ -70,7 +73,27 @@ class MappingWatch:
         self.count += 1
 
 
-def play(arguments):
+def lidar_remapping(bags, wanted):
+    """Arguments for `rosbag play` that bring the clouds or packets of the recording to the topic `wanted`."""
+    fitting = set()
+    for path in bags:
+        try:
+            with rosbag.Bag(path) as bag:
+                topics = bag.get_type_and_topic_info().topics
+        except rosbag.ROSBagException as error:
+            sys.exit("play_recording: cannot read %s: %s" % (path, error))
+        fitting |= {"/" + topic.lstrip("/") for topic, info in topics.items() if info.msg_type in LIDAR_TYPES}
+    if wanted in fitting:
+        return []
+    if len(fitting) != 1:
+        sys.exit("play_recording: the recording has no lidar messages on %s; topics of the right type: %s. Choose one "
+                 "with points_topic:=/TOPIC" % (wanted, ", ".join(sorted(fitting)) or "none"))
+    found = fitting.pop()
+    rospy.logwarn("the recording has no lidar messages on %s: taking %s, the only topic of a fitting type", wanted, found)
+    return ["%s:=%s" % (found, wanted)]
+
+
+def play(arguments, remapping):
     command = ["rosbag", "play", "--clock", "--quiet", "--delay", str(CONNECT_S), "--rate", str(arguments.rate)]
     if arguments.start > 0:
         command += ["--start", str(arguments.start)]
@@ -78,7 +101,7 @@ def play(arguments):
         command += ["--duration", str(arguments.duration)]
     # rosbag announces "clock" relative to its namespace, and everybody listens to /clock.
     environment = {name: value for name, value in os.environ.items() if name != "ROS_NAMESPACE"}
-    player = subprocess.Popen(command + arguments.bags, env=environment)
+    player = subprocess.Popen(command + arguments.bags + remapping, env=environment)
     while player.poll() is None and not rospy.is_shutdown():
         time.sleep(0.1)
     if player.poll() is None:
@@ -93,7 +116,7 @@ def main():
     rospy.init_node("play_recording", disable_signals=False)
     wait_for_nodes()
     watch = MappingWatch()
-    code = play(arguments)
+    code = play(arguments, lidar_remapping(arguments.bags, rospy.get_param("scan_deskew/points_topic")))
     if code != 0:
         return code
     watch.last = time.monotonic()

@@ -11,7 +11,7 @@ debian_packages=(
   build-essential cmake ccache pkg-config git clang-format clang-tidy catkin catkin-lint
   # ROS 1
   ros-base-dev ros-std-msgs ros-sensor-msgs ros-nav-msgs ros-geometry-msgs
-  librosbag-dev libroscpp-dev libmessage-filters-dev libtf2-ros-dev libtf2-eigen-dev
+  librosbag-dev libroscpp-dev libmessage-filters-dev libtf2-ros-dev libtf2-eigen-dev libtopic-tools-dev
   libnodeletlib-dev libnodelet-dev libnodeletlib-tools pluginlib-dev
   libdiagnostic-updater-dev libdiagnostic-msgs-dev
   librostest-dev python3-rostest python3-roslaunch

@@ -172,7 +172,7 @@ def write_json(file: Path, content: Any) -> None:
 
 
 def finished(output: Path, place: Place, configuration: str, identity: Record) -> Optional[Record]:
-    """The stored result of a cell if it was made with the same version, settings and programs.
+    """The stored result of a cell if it was made with the same settings, programs and scenario.
 
     A cell whose recording could not be made says nothing about the system, so it does not count.
     """

@@ -91,7 +91,11 @@ class Benchmark:
                 raise
 
     def _identity(self, place: Place, configuration: Configuration) -> Record:
-        """What must be equal for a stored result to be taken."""
+        """What must be equal for a stored result to be taken.
+
+        The git version is not: what decides is the programs, which read no file of config/ but the scenario (the
+        parameters of a recording are written by simulate_bag).
+        """
         return {
             "scenario": place.scenario,
             "seed": place.seed,
@@ -99,7 +103,6 @@ class Benchmark:
             "configuration": configuration.name,
             "overrides": list(configuration.overrides),
             "align": self._plan.evaluation.align,
-            "version": self._plan.version,
             "programs": self._programs_digest,
             "scenario_digest": digest(scenario_files(self._plan.scenarios, place.scenario)),
         }
@@ -113,7 +116,7 @@ class Benchmark:
         try:
             problem = self._simulate(place, bag, with_bag=bool(missing))
             for configuration in missing:
-                record = {**self._identity(place, configuration), "jobs": plan.jobs}
+                record = {**self._identity(place, configuration), "version": plan.version, "jobs": plan.jobs}
                 record.update(problem or self._run_cell(place, configuration, bag))
                 write_json(cell_file(plan.output, place, configuration.name), record)
                 self._records[(place, configuration.name)] = record
@@ -142,7 +145,7 @@ class Benchmark:
         if not with_bag and not self._plan.comparisons:
             return None
         scenario = scenario_files(self._plan.scenarios, place.scenario)
-        key = {"made_with": digest([self._plan.binaries / "simulate_bag", *scenario])}
+        key = {"programs": self._programs_digest, "scenario": digest(scenario)}
         key_file = with_suffix(bag, ".key.json")
         if read_json(key_file) == key and with_suffix(bag, ".tum").is_file() and (
             bag.is_file() or not with_bag

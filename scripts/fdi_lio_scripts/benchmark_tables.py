@@ -162,6 +162,10 @@ def remarks(records: Sequence[Record], about: Dict[str, Any]) -> str:
         f"- seeds {', '.join(map(str, seeds))}; {duration_text(records)}; alignment {about['align']}",
     ]
     lines += [f"- `{name}`: {' '.join(overrides)}" for name, overrides in about["overrides"].items() if overrides]
+    others = [version for version in unique([{"version": None, **r} for r in records], "version")
+              if version not in (None, about["version"])]
+    if others:
+        lines.append(f"- Some cells were kept from version {', '.join(others)}, with equal programs and scenarios.")
     tuning = [seed for seed in seeds if seed <= LAST_TUNING_SEED]
     if tuning:
         lines.append(f"- **Not for reporting: seeds up to {LAST_TUNING_SEED} were used for tuning.**")

@@ -1,6 +1,7 @@
 """Errors that a user can mend, and the one place where they become a message and an exit code."""
 
 import sys
+from pathlib import Path
 from typing import Callable
 
 EXIT_USER_ERROR = 2  # the code that argparse uses for a wrong command line
@@ -9,6 +10,14 @@ EXIT_INTERRUPTED = 130  # what a shell reports after Ctrl-C
 
 class UserError(Exception):
     """Says what is wrong, where, and what to do about it, in one line."""
+
+
+def write_text(path: str, text: str) -> None:
+    """Writes a whole file; a full disk is an error that names it, which that of the system does not."""
+    try:
+        Path(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}: check the path, its rights and the free space") from None
 
 
 def run(main: Callable[[], int]) -> None:

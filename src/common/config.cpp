@@ -35,6 +35,10 @@ void SensorConfig::visit(ParameterVisitor& v) {
          lidar_time_offset_s, -10.0, 10.0);
   v.choice({"sensor.acceleration_unit", "", "unit of the accelerometer; auto decides by the first reading"},
            acceleration_unit, {"m/s^2", "g", "auto"});
+  v.real({"sensor.max_acceleration", "m/s^2", "IMU readings beyond it are glitches: dropped and counted"},
+         max_acceleration_mps2, 20.0, 1e5);
+  v.real({"sensor.max_angular_rate", "rad/s", "IMU readings beyond it are glitches: dropped and counted"},
+         max_angular_rate_radps, 1.0, 1e4);
   v.real({"sensor.gyro_noise", "rad/s/sqrt(Hz)", "white noise of the gyro"}, gyro_noise, 1e-7, 1.0);
   v.real({"sensor.accel_noise", "m/s^2/sqrt(Hz)", "white noise of the accelerometer"}, accel_noise, 1e-6,
          10.0);

@@ -7,8 +7,8 @@ namespace fdi_lio::imu {
 
 namespace {
 
-constexpr double kRestartSeconds = 10.0;  ///< a larger step back is a recording that began again
 constexpr double kStandardGravity = 9.80665;
+constexpr double kSurelyInG = 3.0;  ///< smaller |acceleration| than this is no m/s^2
 
 auto first_after(const std::deque<ImuSample>& samples, Stamp stamp) {
   return std::upper_bound(samples.begin(), samples.end(), stamp,
@@ -19,42 +19,62 @@ auto first_after(const std::deque<ImuSample>& samples, Stamp stamp) {
 
 ImuBuffer::ImuBuffer(const SensorConfig& sensor, Reporter* reporter) : sensor_(sensor), reporter_(reporter) {}
 
-double ImuBuffer::detect_scale(const ImuSample& sample) {
+double ImuBuffer::scale_of(const ImuSample& sample) const {
+  if (scale_ != 0.0) return scale_;
   if (sensor_.acceleration_unit == "g") return kStandardGravity;
-  if (sensor_.acceleration_unit == "m/s^2") {
-    if (sample.acceleration.norm() < 3.0) {
-      reporter_->report(Severity::kWarning, "imu_unit",
-                        "|acceleration| is " + std::to_string(sample.acceleration.norm()) +
-                            " where about 9.81 m/s^2 is expected: if the IMU reports g, set "
-                            "sensor.acceleration_unit to g");
-    }
-    return 1.0;
-  }
+  if (sensor_.acceleration_unit == "m/s^2") return 1.0;
   // A vehicle neither falls freely nor pulls 3 g in its first reading, so the two units cannot be mixed up.
-  return sample.acceleration.norm() < 3.0 ? kStandardGravity : 1.0;
+  return sample.acceleration.norm() < kSurelyInG ? kStandardGravity : 1.0;
 }
 
-bool ImuBuffer::add(const ImuSample& sample) {
+void ImuBuffer::learn_scale(const ImuSample& sample) {
+  if (scale_ != 0.0) return;
+  scale_ = scale_of(sample);
+  if (sensor_.acceleration_unit != "m/s^2" || sample.acceleration.norm() >= kSurelyInG) return;
+  reporter_->report(Severity::kWarning, "imu_unit",
+                    "|acceleration| is " + std::to_string(sample.acceleration.norm()) +
+                        " where about 9.81 m/s^2 is expected: if the IMU reports g, set "
+                        "sensor.acceleration_unit to g");
+}
+
+bool ImuBuffer::is_possible(const ImuSample& sample) const {
+  return scale_of(sample) * sample.acceleration.norm() <= sensor_.max_acceleration_mps2 &&
+         sample.angular_velocity.norm() <= sensor_.max_angular_rate_radps;
+}
+
+StampVerdict ImuBuffer::add(const ImuSample& sample) {
   if (!sample.acceleration.allFinite() || !sample.angular_velocity.allFinite()) {
     reporter_->report(Severity::kWarning, "imu_non_finite",
                       "an IMU reading with NaN or infinity was dropped");
-    return false;
+    return StampVerdict::kDrop;
   }
-  if (!samples_.empty() && sample.stamp <= newest()) {
-    if (seconds_between(sample.stamp, newest()) <= kRestartSeconds) {
-      reporter_->report(Severity::kWarning, "imu_order",
-                        "an IMU reading that is repeated or out of order was dropped, " +
-                            std::to_string(seconds_between(sample.stamp, newest())) + " s behind the newest");
-      return false;
-    }
+  if (!is_possible(sample)) {
+    reporter_->report(
+        Severity::kWarning, "imu_limit",
+        "an IMU reading that no sensor measures was dropped, " +
+            std::to_string(scale_of(sample) * sample.acceleration.norm()) + " m/s^2 and " +
+            std::to_string(sample.angular_velocity.norm()) +
+            " rad/s: check cable, driver and units of the IMU; if it can measure so much, raise "
+            "sensor.max_acceleration or sensor.max_angular_rate");
+    return StampVerdict::kDrop;
+  }
+  const double step_s = samples_.empty() ? 0.0 : seconds_between(newest(), sample.stamp);
+  const StampVerdict verdict = guard_.check(sample.stamp);
+  if (verdict == StampVerdict::kDrop) {
+    reporter_->report(Severity::kWarning, "imu_order",
+                      "an IMU reading that is repeated, out of order or far from the others was dropped, " +
+                          std::to_string(step_s) + " s after the newest");
+    return verdict;
+  }
+  if (verdict == StampVerdict::kRestart) {
     reporter_->report(Severity::kWarning, "imu_restart",
-                      "IMU stamps jumped back: the IMU buffer was cleared");
+                      "IMU stamps jumped by " + std::to_string(step_s) + " s: the IMU buffer was cleared");
     samples_.clear();
   }
-  if (scale_ == 0.0) scale_ = detect_scale(sample);
+  learn_scale(sample);
   samples_.push_back(sample);
   samples_.back().acceleration *= scale_;
-  return true;
+  return verdict;
 }
 
 std::vector<ImuSample> ImuBuffer::between(Stamp from, Stamp to) const {
@@ -100,6 +120,7 @@ void ImuBuffer::drop_before(Stamp stamp) {
 
 void ImuBuffer::reset() {
   samples_.clear();
+  guard_.reset();
   scale_ = 0.0;
 }
 

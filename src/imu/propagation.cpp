@@ -1,6 +1,7 @@
 #include "fdi_lio/imu/propagation.hpp"
 
 #include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 
 namespace fdi_lio::imu {
 
@@ -58,8 +59,9 @@ std::vector<NavState> propagate(const NavState& from, const std::vector<ImuSampl
 }
 
 void ImuPropagator::set_state(const NavState& state, const ImuBuffer& buffer) {
+  reset();
+  if (!buffer.empty() && is_jump(state.stamp, buffer.newest())) return;
   state_ = state;
-  last_sample_.reset();
   if (buffer.empty() || buffer.newest() <= state.stamp) return;
   state_ = propagate(state, buffer.between(state.stamp, buffer.newest()), buffer.newest()).back();
   last_sample_ = buffer.samples().back();

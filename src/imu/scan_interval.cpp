@@ -1,5 +1,6 @@
 #include "fdi_lio/imu/scan_interval.hpp"
 
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
 
 namespace fdi_lio::imu {
@@ -8,9 +9,10 @@ std::optional<Preintegration> preintegrate_scan_interval(const ImuBuffer& imu,
                                                          const std::optional<NavState>& state, Stamp to,
                                                          const Config& config) {
   if (imu.empty()) return std::nullopt;
-  const Stamp from = state ? state->stamp : add_seconds(to, -config.imu.static_duration_s);
+  const bool has_state = state && !is_jump(state->stamp, to);
+  const Stamp from = has_state ? state->stamp : add_seconds(to, -config.imu.static_duration_s);
   const NavState neutral;
-  const NavState& biases = state ? *state : neutral;
+  const NavState& biases = has_state ? *state : neutral;
   Preintegration result = preintegrate(imu.between(from, to), from, to, biases.gyro_bias, biases.accel_bias,
                                        noise_of(config.sensor), config.imu);
   result.recent = imu.statistics(to, config.imu.static_duration_s);

@@ -1,6 +1,7 @@
 #include "degeneracy_estimation.hpp"
 
 #include "fdi_lio/common/error.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/ros/message_conversions.hpp"
 #include <fdi_lio/Degeneracy.h>
 
@@ -33,7 +34,7 @@ void DegeneracyEstimation::on_scan(const DeskewedCloudConstPtr& message) {
 
 void DegeneracyEstimation::on_features(const FeaturesConstPtr& message) {
   const Stamp stamp = ros_bridge::to_stamp(message->header.stamp);
-  if (previous_scan_ && stamp < *previous_scan_) {
+  if (previous_scan_ && (stamp < *previous_scan_ || is_jump(*previous_scan_, stamp))) {
     features_.clear();
     previous_scan_.reset();
     status_.reset();

@@ -3,6 +3,7 @@
 #include <sensor_msgs/PointCloud2.h>
 
 #include "fdi_lio/common/error.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/ros/message_conversions.hpp"
 #include <fdi_lio/Features.h>
 
@@ -29,7 +30,7 @@ void FeatureExtraction::start() {
 
 void FeatureExtraction::on_scan(const DeskewedCloudConstPtr& message) {
   const Stamp stamp = ros_bridge::to_stamp(message->header.stamp);
-  if (previous_scan_ && stamp < *previous_scan_) {
+  if (previous_scan_ && (stamp < *previous_scan_ || is_jump(*previous_scan_, stamp))) {
     scans_.clear();
     previous_scan_.reset();
     degeneracy_.reset();

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/scan_interval.hpp"
 #include "fdi_lio/ros/conversions.hpp"
 #include "fdi_lio/ros/message_conversions.hpp"
@@ -31,11 +32,10 @@ void ImuPreintegration::start() {
 
 void ImuPreintegration::on_imu(const sensor_msgs::ImuConstPtr& message) {
   frames_->learn_imu_frame(message->header.frame_id);
-  const bool had_readings = !imu_->empty();
-  const Stamp before = had_readings ? imu_->newest() : 0;
-  if (!imu_->add(ros_bridge::to_imu_sample(*message))) return;
+  const StampVerdict verdict = imu_->add(ros_bridge::to_imu_sample(*message));
+  if (verdict == StampVerdict::kDrop) return;
+  if (verdict == StampVerdict::kRestart) propagator_.reset();
   const imu::ImuSample& sample = imu_->samples().back();
-  if (had_readings && sample.stamp < before) propagator_.reset();
   if (const auto state = propagator_.add(sample)) publish_odometry(*state);
   imu_->drop_before(add_seconds(sample.stamp, -kKeptReadingsS));
   while (answer_front()) {
@@ -43,6 +43,10 @@ void ImuPreintegration::on_imu(const sensor_msgs::ImuConstPtr& message) {
 }
 
 void ImuPreintegration::on_state(const EstimatorStateConstPtr& message) {
+  // A late answer about what was before a jump.
+  if (!scans_.empty() &&
+      is_jump(ros_bridge::to_stamp(scans_.back()->header.stamp), ros_bridge::to_stamp(message->answers)))
+    return;
   state_ = ros_bridge::to_state(*message);
   state_message_ = message;
   state_gate_->answered(ros_bridge::to_stamp(message->answers));
@@ -54,8 +58,8 @@ void ImuPreintegration::on_state(const EstimatorStateConstPtr& message) {
 
 void ImuPreintegration::on_scan(const ScanInfoConstPtr& message) {
   const Stamp stamp = ros_bridge::to_stamp(message->header.stamp);
-  if (previous_scan_ && stamp < *previous_scan_) {
-    // The recording was started again: nothing of before belongs to it.
+  if (previous_scan_ && (stamp < *previous_scan_ || is_jump(*previous_scan_, stamp))) {
+    // The recording was started again, or a clock was set: nothing of before belongs to it.
     scans_.clear();
     previous_scan_.reset();
     state_.reset();

@@ -7,6 +7,7 @@
 #include <sensor_msgs/PointCloud2.h>
 
 #include "fdi_lio/common/error.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/imu/propagation.hpp"
 #include "fdi_lio/ros/message_conversions.hpp"
@@ -20,8 +21,6 @@ constexpr std::size_t kQueue = 50;
 /// map -> odom is stamped ahead, so that it can be combined with an odom -> base_link that is newer than the
 /// last scan.
 constexpr double kMapTransformAheadS = 0.5;
-/// A state older than this says nothing about where the robot is now.
-constexpr double kOldestResumeS = 10.0;
 
 /// The message of `queue` for `stamp`; drops what is older.
 template <typename Message>
@@ -116,9 +115,11 @@ void MappingOptimization::end_recording() {
   directory_.reset();
 }
 
-void MappingOptimization::begin_anew() {
+void MappingOptimization::begin_anew(Stamp stamp) {
   reporter()->report(Severity::kWarning, "restart",
-                     "the stamps of the scans went back: a new map is begun, what was recorded is saved");
+                     "the stamps of the scans jumped by " +
+                         std::to_string(seconds_between(*previous_scan_, stamp)) +
+                         " s: a new map is begun, what was recorded is saved");
   end_recording();
   begin_recording();
   features_.clear();
@@ -131,7 +132,7 @@ void MappingOptimization::begin_anew() {
 
 void MappingOptimization::on_features(const FeaturesConstPtr& message) {
   const Stamp stamp = ros_bridge::to_stamp(message->header.stamp);
-  if (previous_scan_ && seconds_between(stamp, *previous_scan_) > kOldestResumeS) begin_anew();
+  if (previous_scan_ && is_jump(*previous_scan_, stamp)) begin_anew(stamp);
   if (features_.empty()) front_since_ = SteadyClock::now();
   features_.push_back(message);
   if (features_.size() > kQueue) features_.pop_front();
@@ -169,8 +170,8 @@ bool MappingOptimization::prepare() {
 void MappingOptimization::resume(const PreintegratedImu& message) {
   const imu::NavState before = ros_bridge::to_state(message.state);
   const Stamp stamp = ros_bridge::to_stamp(message.header.stamp);
-  const double age_s = seconds_between(before.stamp, stamp);
-  if (age_s <= 0.0 || age_s > kOldestResumeS) return;
+  // A state from long ago says nothing about where the robot is now.
+  if (before.stamp >= stamp || is_jump(before.stamp, stamp)) return;
   const bool has_imu = before.imu_status == imu::ImuStatus::kInitialised && message.available &&
                        message.sample_count > 0 && message.begin == message.state.header.stamp;
   estimator_->resume(has_imu ? imu::predict(before, ros_bridge::to_preintegration(message))

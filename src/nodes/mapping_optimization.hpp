@@ -45,7 +45,7 @@ class MappingOptimization : public NodeBase {
   bool process_front();
   void begin_recording();
   void end_recording();
-  void begin_anew();
+  void begin_anew(Stamp stamp);
   void resume(const PreintegratedImu& message);
   void publish(const mapping::EstimateResult& estimate, const std::string& lidar_frame);
   void add_keyframe(const mapping::EstimateResult& estimate);

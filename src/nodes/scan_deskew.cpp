@@ -1,7 +1,9 @@
 #include "scan_deskew.hpp"
 
+#include <cmath>
 #include <utility>
 
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/ros/conversions.hpp"
 #include "fdi_lio/ros/message_conversions.hpp"
 #include <fdi_lio/DeskewedCloud.h>
@@ -13,12 +15,15 @@ namespace {
 constexpr double kKeptReadingsS = 30.0;
 /// How long the first scan waits until the other nodes have connected: what is sent before is lost to them.
 constexpr double kConnectS = 2.0;
+/// How long nothing may come from the lidar before a word is said.
+constexpr double kSilenceS = 10.0;
 }  // namespace
 
 void ScanDeskew::start() {
   started_ = SteadyClock::now();
   imu_.emplace(config().sensor, reporter());
   reader_.emplace(config().sensor, reporter());
+  if (config().check.enabled) check_.emplace(config());
   state_gate_.emplace(config().nodes.answer_timeout_s);
   ros::NodeHandle& handle = getNodeHandle();
   frames_.emplace(config(), handle);
@@ -27,9 +32,11 @@ void ScanDeskew::start() {
   points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("scan/points", 2);
   removed_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("scan/removed", 2);
   const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
-  cloud_subscriber_ =
+  lidar_subscriber_ =
       handle.subscribe(config().sensor.points_topic, static_cast<std::uint32_t>(config().nodes.scan_queue),
-                       &ScanDeskew::on_cloud, this, hints);
+                       &ScanDeskew::on_lidar, this, hints);
+  // For who plays a recording.
+  getPrivateNodeHandle().setParam("points_topic", lidar_subscriber_.getTopic());
   if (!config().sensor.imu_topic.empty())
     imu_subscriber_ = handle.subscribe(config().sensor.imu_topic, 2000, &ScanDeskew::on_imu, this, hints);
   state_subscriber_ = handle.subscribe("mapping/state", 50, &ScanDeskew::on_state, this, hints);
@@ -37,7 +44,9 @@ void ScanDeskew::start() {
 
 void ScanDeskew::on_imu(const sensor_msgs::ImuConstPtr& message) {
   frames_->learn_imu_frame(message->header.frame_id);
-  if (!imu_->add(ros_bridge::to_imu_sample(*message))) return;
+  const imu::ImuSample sample = ros_bridge::to_imu_sample(*message);
+  if (check_) check_->add_imu(sample);
+  if (imu_->add(sample) == StampVerdict::kDrop) return;
   const Stamp kept = scans_.empty() ? imu_->newest() : std::min(imu_->newest(), scans_.front().stamp);
   imu_->drop_before(add_seconds(kept, -kKeptReadingsS));
   while (process_front()) {
@@ -45,30 +54,59 @@ void ScanDeskew::on_imu(const sensor_msgs::ImuConstPtr& message) {
 }
 
 void ScanDeskew::on_state(const EstimatorStateConstPtr& message) {
+  // A late answer about what was before a jump.
+  if (!scans_.empty() && is_jump(scans_.back().stamp, ros_bridge::to_stamp(message->answers))) return;
   state_ = ros_bridge::to_state(*message);
   state_gate_->answered(ros_bridge::to_stamp(message->answers));
   while (process_front()) {
   }
 }
 
-void ScanDeskew::on_cloud(const sensor_msgs::PointCloud2ConstPtr& message) {
-  lidar_frame_ = message->header.frame_id;
-  std::optional<Scan> scan = reader_->read(ros_bridge::to_raw_cloud(*message));
-  if (!scan) return;
-  switch (guard_.check(scan->stamp)) {
-    case scan::StampVerdict::kDrop:
+void ScanDeskew::on_lidar(const topic_tools::ShapeShifter::ConstPtr& message) {
+  has_lidar_ = true;
+  if (is_refused_) return;
+  try {
+    std::optional<Scan> scan = reader_->read(*message, &lidar_frame_);
+    if (scan) add_scan(std::move(*scan));
+  } catch (const ros::serialization::StreamOverrunException&) {
+    reporter()->report(
+        Severity::kWarning, "message_damaged",
+        "a message on " + config().sensor.points_topic + " was dropped: it is shorter than it says");
+  }
+}
+
+void ScanDeskew::check(const Scan& scan) {
+  if (!check_) return;
+  check_->add_scan(scan);
+  if (!check_began_) check_began_ = scan.stamp;
+  if (std::abs(seconds_between(*check_began_, scan.stamp)) < config().check.duration_s || !processor_) return;
+  is_refused_ = scan::report_findings(check_->findings(), reporter());
+  check_.reset();
+  if (!is_refused_) return;
+  scans_.clear();
+  reporter()->report(Severity::kError, "check",
+                     "the data do not fit the parameters, nothing more of them is used: mend what the other "
+                     "messages name and start this node again, or go on regardless with check.enabled=false");
+}
+
+void ScanDeskew::add_scan(Scan scan) {
+  check(scan);
+  if (is_refused_) return;
+  switch (guard_.check(scan.stamp)) {
+    case StampVerdict::kDrop:
       reporter()->report(Severity::kWarning, "scan_order",
                          "a scan was dropped: its stamp does not follow the one before");
       return;
-    case scan::StampVerdict::kRestart:
+    case StampVerdict::kRestart:
       reporter()->report(Severity::kWarning, "scan_jump",
                          "the stamps of the scans jumped by more than 10 s: starting anew");
+      lost_scans_ += static_cast<std::uint32_t>(scans_.size());
       scans_.clear();
       previous_scan_.reset();
       state_.reset();
       state_gate_->reset();
       break;
-    case scan::StampVerdict::kAccept:
+    case StampVerdict::kAccept:
       break;
   }
   if (scans_.size() >= static_cast<std::size_t>(config().nodes.scan_queue)) {
@@ -79,7 +117,7 @@ void ScanDeskew::on_cloud(const sensor_msgs::PointCloud2ConstPtr& message) {
                        "(play the recording more slowly, or use offline_slam)");
   }
   if (scans_.empty()) front_since_ = SteadyClock::now();
-  scans_.push_back(std::move(*scan));
+  scans_.push_back(std::move(scan));
   while (process_front()) {
   }
 }
@@ -91,6 +129,7 @@ bool ScanDeskew::prepare() {
   const auto known = frames_->config_with_extrinsics(lidar_frame_);
   if (!known) return false;
   processor_.emplace(*known, reporter());
+  if (check_) check_->set_extrinsic(known->sensor.T_imu_lidar());
   return true;
 }
 
@@ -131,7 +170,24 @@ void ScanDeskew::publish(const Scan& raw, const DeskewedScan& scan) {
   frames_->publish_sensors(lidar_frame_);
 }
 
+void ScanDeskew::report_silence() {
+  if (has_lidar_ || seconds_since(started_) < kSilenceS) return;
+  has_lidar_ = true;  // said once
+  std::string fitting;
+  ros::master::V_TopicInfo topics;
+  ros::master::getTopics(topics);
+  for (const ros::master::TopicInfo& topic : topics) {
+    const bool is_own = topic.name.rfind(getNodeHandle().getNamespace() + "/", 0) == 0;
+    if (!is_own && ros_bridge::ScanReader::types().count(topic.datatype) > 0) fitting += " " + topic.name;
+  }
+  reporter()->report(
+      Severity::kWarning, "no_lidar",
+      "nothing has come on " + lidar_subscriber_.getTopic() +
+          " yet (sensor.points_topic); topics of a fitting type:" + (fitting.empty() ? " none" : fitting));
+}
+
 void ScanDeskew::check_waiting() {
+  report_silence();
   while (process_front()) {
   }
   if (state_gate_->take_timeout())

@@ -7,20 +7,22 @@
 #include "node_base.hpp"
 #include "sensor_frames.hpp"
 #include <sensor_msgs/Imu.h>
-#include <sensor_msgs/PointCloud2.h>
+#include <topic_tools/shape_shifter.h>
 
 #include "fdi_lio/common/answer_gate.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/imu_buffer.hpp"
-#include "fdi_lio/scan/point_cloud_reader.hpp"
+#include "fdi_lio/ros/scan_reader.hpp"
+#include "fdi_lio/scan/data_check.hpp"
 #include "fdi_lio/scan/scan_processor.hpp"
-#include "fdi_lio/scan/stamp_guard.hpp"
 #include <fdi_lio/EstimatorState.h>
 
 namespace fdi_lio::nodes {
 
-/// scan_deskew: clouds in, deskewed and filtered scans out. A scan waits until the IMU has reached its last
-/// point, or the next scan comes, and until mapping has answered the scan before. Scans that wait are kept
-/// up to `nodes.scan_queue`; what is dropped beyond that is counted.
+/// scan_deskew: clouds or packets in, deskewed and filtered scans out. The first seconds are compared with
+/// the parameters (scan::DataCheck); after an error nothing more is taken. A scan waits until the IMU has
+/// reached its last point, or the next scan comes, and until mapping has answered the scan before. Scans that
+/// wait are kept up to `nodes.scan_queue`; what is dropped beyond that is counted.
 class ScanDeskew : public NodeBase {
  protected:
   void start() override;
@@ -28,19 +30,26 @@ class ScanDeskew : public NodeBase {
   void fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* status) override;
 
  private:
-  void on_cloud(const sensor_msgs::PointCloud2ConstPtr& message);
+  void on_lidar(const topic_tools::ShapeShifter::ConstPtr& message);
   void on_imu(const sensor_msgs::ImuConstPtr& message);
   void on_state(const EstimatorStateConstPtr& message);
+  void add_scan(Scan scan);
+  void check(const Scan& scan);
+  void report_silence();
   bool prepare();
   bool process_front();
   void publish(const Scan& raw, const DeskewedScan& scan);
 
   std::optional<imu::ImuBuffer> imu_;
-  std::optional<scan::PointCloudReader> reader_;
+  std::optional<ros_bridge::ScanReader> reader_;
+  std::optional<scan::DataCheck> check_;  ///< until it is over
+  std::optional<Stamp> check_began_;
+  bool is_refused_ = false;
+  bool has_lidar_ = false;
   std::optional<scan::ScanProcessor> processor_;
   std::optional<AnswerGate> state_gate_;
   std::optional<SensorFrames> frames_;
-  scan::StampGuard guard_;
+  StampGuard guard_;
   std::optional<imu::NavState> state_;
   std::optional<Stamp> previous_scan_;
   std::deque<Scan> scans_;
@@ -48,7 +57,7 @@ class ScanDeskew : public NodeBase {
   SteadyClock::time_point front_since_;
   std::string lidar_frame_;
   std::uint32_t lost_scans_ = 0;
-  ros::Subscriber cloud_subscriber_, imu_subscriber_, state_subscriber_;
+  ros::Subscriber lidar_subscriber_, imu_subscriber_, state_subscriber_;
   ros::Publisher info_publisher_, scan_publisher_, points_publisher_, removed_publisher_;
 };
 

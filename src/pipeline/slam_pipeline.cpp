@@ -24,7 +24,7 @@ class SlamPipeline::Implementation {
         estimator_(config, reporter) {}
 
   void add_imu(const imu::ImuSample& sample) {
-    if (!imu_.add(sample)) return;
+    if (imu_.add(sample) == StampVerdict::kDrop) return;
     if (waiting_ && imu_.newest() >= waiting_->stamp) process_waiting();
   }
 

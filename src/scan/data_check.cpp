@@ -101,7 +101,22 @@ bool is_about(double measured, double expected) {
   return measured > expected / kUnitRatio && measured < expected * kUnitRatio;
 }
 
+/// What to say of a typical |acceleration| of `sent` that is neither m/s^2 nor g.
+std::string unknown_unit(double sent) {
+  return std::string(is_about(sent, 1000.0) ? "it is in milli-g" : "it is in no known unit") +
+         ", let the IMU's driver send m/s^2 or g";
+}
+
 }  // namespace
+
+bool report_findings(const std::vector<Finding>& findings, Reporter* reporter) {
+  bool has_error = false;
+  for (const Finding& finding : findings) {
+    reporter->report(finding.severity, "check_" + finding.key, finding.text);
+    has_error = has_error || finding.severity == Severity::kError;
+  }
+  return has_error;
+}
 
 DataCheck::DataCheck(const Config& config) : config_(config), imu_(config.sensor, &imu_reporter_) {}
 
@@ -110,6 +125,10 @@ void DataCheck::add_imu(const imu::ImuSample& sample) {
   ++readings_;
   if (!sample.acceleration.allFinite() || !sample.angular_velocity.allFinite()) {
     ++non_finite_;
+    return;
+  }
+  if (!imu_.is_possible(sample)) {
+    impossible_.push_back(sample);
     return;
   }
   const StampVerdict verdict = imu_guard_.check(sample.stamp);
@@ -136,9 +155,15 @@ void DataCheck::add_scan(const Scan& scan) {
   scans_.push_back(std::move(summary));
 }
 
+void DataCheck::set_extrinsic(const Eigen::Isometry3d& T_imu_lidar) {
+  config_.sensor.t_imu_lidar = T_imu_lidar.translation();
+  config_.sensor.q_imu_lidar = Eigen::Quaterniond(T_imu_lidar.rotation());
+}
+
 std::vector<Finding> DataCheck::findings() const {
   Findings findings;
   check_readings(&findings);
+  check_limits(&findings);
   check_imu_rate(&findings);
   check_acceleration(&findings);
   check_gyro_unit(&findings);
@@ -172,7 +197,7 @@ void DataCheck::check_readings(Findings* findings) const {
                              config_.sensor.points_topic});
   }
   if (config_.sensor.imu_topic.empty()) return;
-  if (imu_.empty()) {
+  if (imu_.empty() && impossible_.empty()) {
     findings->push_back({Severity::kWarning, "no_imu",
                          "no usable IMU reading on " + config_.sensor.imu_topic + " in the first " +
                              number(config_.check.duration_s, 1) +
@@ -192,6 +217,37 @@ void DataCheck::check_readings(Findings* findings) const {
              "have stamps that are repeated, out of order or far from the others, and will be "
              "dropped: check that only one driver publishes on " +
              config_.sensor.imu_topic});
+  }
+}
+
+void DataCheck::check_limits(Findings* findings) const {
+  if (impossible_.empty()) return;
+  std::vector<double> accelerations;
+  std::vector<double> rates;
+  for (const imu::ImuSample& sample : impossible_) {
+    accelerations.push_back(sample.acceleration.norm());
+    rates.push_back(sample.angular_velocity.norm());
+  }
+  const std::string text = std::to_string(impossible_.size()) + " of " + std::to_string(readings_) +
+                           " IMU readings are beyond what a sensor measures (sensor.max_acceleration " +
+                           number(config_.sensor.max_acceleration_mps2, 0) +
+                           " m/s^2, sensor.max_angular_rate " +
+                           number(config_.sensor.max_angular_rate_radps, 0) + " rad/s) and will be dropped: ";
+  if (2 * impossible_.size() < readings_) {
+    findings->push_back({Severity::kWarning, "imu_limit",
+                         text + "the largest are " +
+                             number(*std::max_element(accelerations.begin(), accelerations.end()), 1) +
+                             " and " + number(*std::max_element(rates.begin(), rates.end()), 1) +
+                             " as the IMU sends them; check its cable and driver"});
+  } else if (median(rates) > config_.sensor.max_angular_rate_radps) {
+    findings->push_back({Severity::kError, "gyro_unit",
+                         text + "the gyro says " + number(median(rates), 2) +
+                             " (median), it seems to send deg/s; let the IMU's driver send rad/s"});
+  } else {
+    const double sent = median(accelerations);
+    findings->push_back({Severity::kError, "imu_unit",
+                         text + "|acceleration| is " + number(sent, 2) + " (median) as the IMU sends it, " +
+                             unknown_unit(sent)});
   }
 }
 
@@ -227,9 +283,7 @@ void DataCheck::check_acceleration(Findings* findings) const {
     findings->push_back({Severity::kError, "imu_unit",
                          text + "it is in m/s^2 already, set sensor.acceleration_unit to m/s^2"});
   } else if (!is_about(used, expected)) {
-    findings->push_back({Severity::kError, "imu_unit",
-                         text + (is_about(sent, 1000.0) ? "it is in milli-g" : "it is in no known unit") +
-                             ", let the IMU's driver send m/s^2 or g"});
+    findings->push_back({Severity::kError, "imu_unit", text + unknown_unit(sent)});
   } else {
     findings->push_back({Severity::kWarning, "gravity",
                          text + "calibrate the accelerometer, or start when nothing accelerates "

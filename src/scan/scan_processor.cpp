@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/propagation.hpp"
 #include "fdi_lio/scan/deskew.hpp"
 
@@ -20,7 +21,7 @@ DeskewedScan ScanProcessor::process(Scan scan, const std::optional<imu::NavState
   // Without an estimate the gyro alone turns the first scan about a point that stands still.
   imu::NavState from;
   from.stamp = scan_begin;
-  const bool has_state = state && state->stamp < scan.stamp;
+  const bool has_state = state && state->stamp < scan.stamp && !is_jump(state->stamp, scan.stamp);
   if (has_state) from = *state;
   const std::vector<imu::ImuSample> readings = imu.between(from.stamp, scan.stamp);
   const double lacking_s =

@@ -44,6 +44,15 @@ std::vector<PoseVector> read_poses(const std::string& path) {
   return poses;
 }
 
+/// Beyond the ends the way is reflected at the end point, so that it keeps its speed there.
+PoseVector pose_at(const std::vector<PoseVector>& poses, int index) {
+  const int last = static_cast<int>(poses.size()) - 1;
+  const int inside = std::clamp(index < 0 ? -index : 2 * last - index, 0, last);
+  if (index < 0) return 2.0 * poses.front() - poses[static_cast<std::size_t>(inside)];
+  if (index > last) return 2.0 * poses.back() - poses[static_cast<std::size_t>(inside)];
+  return poses[static_cast<std::size_t>(index)];
+}
+
 std::vector<PoseVector> smoothed(const std::vector<PoseVector>& poses) {
   constexpr double kSigma = 1.5;  // poses
   constexpr int kReach = 5;
@@ -54,7 +63,7 @@ std::vector<PoseVector> smoothed(const std::vector<PoseVector>& poses) {
     double total = 0.0;
     for (int k = -kReach; k <= kReach; ++k) {
       const double weight = std::exp(-0.5 * k * k / (kSigma * kSigma));
-      sum += weight * poses[static_cast<std::size_t>(std::clamp(i + k, 0, last))];
+      sum += weight * pose_at(poses, i + k);
       total += weight;
     }
     result.push_back(sum / total);

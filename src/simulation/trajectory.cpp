@@ -56,17 +56,20 @@ Trajectory::Trajectory(std::vector<PoseVector> poses, double knot_period_s)
   if (poses_.size() < 2 || !(knot_period_s > 0.0)) throw Error("a trajectory needs at least two poses");
 }
 
+PoseVector Trajectory::control_point(std::int64_t index) const {
+  const auto last = static_cast<std::int64_t>(poses_.size()) - 1;
+  if (index < 0) return poses_[0] + static_cast<double>(index) * (poses_[1] - poses_[0]);
+  if (index <= last) return poses_[static_cast<std::size_t>(index)];
+  return poses_.back() + static_cast<double>(index - last) * (poses_.back() - poses_[poses_.size() - 2]);
+}
+
 PoseVector Trajectory::blend(double t, int derivative) const {
   const double knots = t / knot_period_s_;
-  const double last = static_cast<double>(poses_.size()) + kOrder;
-  const double clamped = std::clamp(knots, -static_cast<double>(kOrder), last);
-  const double whole = std::floor(clamped);
-  const Weights w = weights(clamped - whole, derivative);
+  const double whole = std::floor(knots);
+  const Weights w = weights(knots - whole, derivative);
   PoseVector sum = PoseVector::Zero();
-  for (int k = 0; k < kOrder; ++k) {
-    const int index = std::clamp(static_cast<int>(whole) + k - 2, 0, static_cast<int>(poses_.size()) - 1);
-    sum += w[static_cast<std::size_t>(k)] * poses_[static_cast<std::size_t>(index)];
-  }
+  for (int k = 0; k < kOrder; ++k)
+    sum += w[static_cast<std::size_t>(k)] * control_point(static_cast<std::int64_t>(whole) + k - 2);
   return sum / std::pow(knot_period_s_, derivative);
 }
 

@@ -10,19 +10,15 @@
 
 #include <rosbag/view.h>
 #include <sensor_msgs/Imu.h>
-#include <sensor_msgs/PointCloud2.h>
 
 #include "fdi_lio/common/error.hpp"
 #include "fdi_lio/ros/conversions.hpp"
-#include "fdi_lio/scan/point_cloud_reader.hpp"
-#include "fdi_lio/scan/velodyne_packets.hpp"
+#include "fdi_lio/ros/scan_reader.hpp"
 
 namespace fdi_lio::tools {
 
 namespace {
 
-const char* const kCloudType = "sensor_msgs/PointCloud2";
-const char* const kPacketType = "velodyne_msgs/VelodyneScan";
 const char* const kImuType = "sensor_msgs/Imu";
 
 std::unique_ptr<rosbag::Bag> open_bag(const std::string& path) {
@@ -47,50 +43,40 @@ std::map<std::string, std::string> types_by_topic(rosbag::View* view) {
   return types;
 }
 
-std::string topics_of_types(const std::map<std::string, std::string>& types,
-                            const std::set<std::string>& wanted) {
-  std::string text;
+std::vector<std::string> topics_of_types(const std::map<std::string, std::string>& types,
+                                         const std::set<std::string>& wanted) {
+  std::vector<std::string> topics;
   for (const auto& [topic, type] : types) {
-    if (wanted.count(type) != 0) text += (text.empty() ? "" : ", ") + topic;
+    if (wanted.count(type) != 0) topics.push_back(topic);
   }
+  return topics;
+}
+
+std::string joined(const std::vector<std::string>& topics) {
+  std::string text;
+  for (const std::string& topic : topics) text += (text.empty() ? "" : ", ") + topic;
   return text.empty() ? "none" : text;
 }
 
-/// Scans of the lidar's topic, whatever its type.
-class ScanReader {
- public:
-  ScanReader(const SensorConfig& sensor, Reporter* reporter)
-      : reporter_(reporter), clouds_(sensor, reporter), packets_(sensor, reporter) {}
-
-  std::optional<Scan> read(const rosbag::MessageInstance& message) {
-    if (message.getDataType() == kPacketType) return read_packets(message);
-    const auto cloud = message.instantiate<sensor_msgs::PointCloud2>();
-    return cloud ? clouds_.read(ros_bridge::to_raw_cloud(*cloud)) : std::nullopt;
+/// `configured`, or the only topic that it can be when the recording does not have that. Throws Error when
+/// there is none, or a choice.
+std::string find_lidar(const std::map<std::string, std::string>& types, const std::string& configured,
+                       Reporter* reporter) {
+  const std::vector<std::string> fitting = topics_of_types(types, ros_bridge::ScanReader::types());
+  if (std::count(fitting.begin(), fitting.end(), configured) > 0) return configured;
+  if (fitting.size() != 1) {
+    throw Error("the bag has no lidar messages on " + configured + "; topics of the right type: " +
+                joined(fitting) + ". Choose one with --set sensor.points_topic=/TOPIC");
   }
-
- private:
-  /// From the message's bytes, so that velodyne_msgs need not be installed.
-  std::optional<Scan> read_packets(const rosbag::MessageInstance& message) {
-    buffer_.resize(message.size());
-    ros::serialization::OStream out(buffer_.data(), message.size());
-    message.write(out);
-    const auto packets = scan::split_velodyne_scan(buffer_.data(), buffer_.size());
-    if (packets) return packets_.read(*packets);
-    reporter_->report(Severity::kWarning, "packet_message",
-                      "a message of type velodyne_msgs/VelodyneScan was dropped: its size does not fit its "
-                      "number of packets");
-    return std::nullopt;
-  }
-
-  Reporter* reporter_;
-  scan::PointCloudReader clouds_;
-  scan::VelodynePacketReader packets_;
-  std::vector<std::uint8_t> buffer_;
-};
+  reporter->report(Severity::kWarning, "lidar_topic",
+                   "the bag has no lidar messages on " + configured + ": taking " + fitting.front() +
+                       ", the only topic of a fitting type (sensor.points_topic)");
+  return fitting.front();
+}
 
 /// Gives one message to the callback it is for.
-void hand_over(const rosbag::MessageInstance& message, const SensorConfig& sensor, ScanReader* reader,
-               const BagCallbacks& callbacks) {
+void hand_over(const rosbag::MessageInstance& message, const SensorConfig& sensor,
+               ros_bridge::ScanReader* reader, const BagCallbacks& callbacks) {
   if (message.getTopic() == sensor.imu_topic) {
     if (const auto imu = message.instantiate<sensor_msgs::Imu>())
       callbacks.on_imu(ros_bridge::to_imu_sample(*imu));
@@ -113,17 +99,12 @@ BagSource::BagSource(const std::vector<std::string>& paths, const SensorConfig& 
     all.addQuery(*bags_.back());
   }
   const std::map<std::string, std::string> types = types_by_topic(&all);
-  const auto lidar = types.find(sensor.points_topic);
-  if (lidar == types.end() || (lidar->second != kCloudType && lidar->second != kPacketType)) {
-    throw Error("the bag has no lidar messages on " + sensor.points_topic +
-                "; topics of the right type: " + topics_of_types(types, {kCloudType, kPacketType}) +
-                ". Choose one with --set sensor.points_topic=/TOPIC");
-  }
+  sensor_.points_topic = find_lidar(types, sensor.points_topic, reporter);
   const auto imu = types.find(sensor.imu_topic);
   if (imu == types.end() || imu->second != kImuType) {
     reporter->report(Severity::kWarning, "imu_topic",
                      "the bag has no IMU messages on '" + sensor.imu_topic + "'; topics of the right type: " +
-                         topics_of_types(types, {kImuType}) + ". Going on with the lidar alone");
+                         joined(topics_of_types(types, {kImuType})) + ". Going on with the lidar alone");
   }
   if (all.size() > 0) total_s_ = (all.getEndTime() - all.getBeginTime()).toSec();
 }
@@ -154,7 +135,7 @@ void BagSource::read(double start_s, double duration_s, Reporter* reporter, cons
   rosbag::View view;
   const rosbag::TopicQuery topics(std::vector<std::string>{sensor_.points_topic, sensor_.imu_topic});
   for (const auto& bag : bags_) view.addQuery(*bag, topics, begin, end);
-  ScanReader reader(sensor_, reporter);
+  ros_bridge::ScanReader reader(sensor_, reporter);
   try {
     for (const rosbag::MessageInstance& message : view) {
       try {

@@ -35,9 +35,10 @@ struct BagTopic {
 /// One or more bags, read as one recording in the order of receive time.
 class BagSource {
  public:
-  /// Opens the bags and looks for the topics of `sensor`. Throws Error when a bag is missing, truncated,
-  /// unindexed or has no lidar topic; the text lists the topics of the right type that it has. Without an IMU
-  /// topic the same goes to `reporter`.
+  /// Opens the bags and looks for the topics of `sensor`. Where the lidar's is missing, the only topic of a
+  /// fitting type takes its place, and `reporter` is told. Throws Error when a bag is missing, truncated,
+  /// unindexed or has no lidar topic or a choice of them; the text lists those of the right type. Without an
+  /// IMU topic the same goes to `reporter`: an IMU elsewhere on the robot would need another extrinsic.
   BagSource(const std::vector<std::string>& paths, const SensorConfig& sensor, Reporter* reporter);
 
   /// Reads [start_s, start_s + duration_s] of the recording; a duration of 0 or less means to the end. What
@@ -46,6 +47,9 @@ class BagSource {
 
   /// Length of what `read` would read.
   double duration_s(double start_s, double duration_s) const;
+
+  /// The lidar's topic: that of `sensor`, or the one that takes its place.
+  const std::string& points_topic() const { return sensor_.points_topic; }
 
   /// Every topic, in alphabetical order.
   std::vector<BagTopic> topics() const;

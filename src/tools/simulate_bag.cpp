@@ -376,8 +376,13 @@ void run(int argc, char** argv) {
   }
   const sim::Scenario scenario = sim::load_scenario(options.scenario, options.overrides);
   const Files files(options.output);
-  Recorder recorder(scenario, options.seed, files);
-  recorder.run(options.seed, files);
+  try {
+    Recorder recorder(scenario, options.seed, files);
+    recorder.run(options.seed, files);
+  } catch (const rosbag::BagException& error) {
+    throw Error("cannot write the bag " + options.output + " (" + error.what() +
+                "): check the folder, its permissions and the space on the disk");
+  }
   files.publish();
 }
 
@@ -387,9 +392,6 @@ int main(int argc, char** argv) {
   try {
     run(argc, argv);
     return 0;
-  } catch (const rosbag::BagException& error) {
-    std::cerr << "simulate_bag: cannot write the bag: " << error.what()
-              << ": check the folder, its permissions and the space on the disk\n";
   } catch (const std::exception& error) {
     std::cerr << "simulate_bag: " << error.what() << "\n";
   }

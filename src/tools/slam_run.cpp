@@ -27,14 +27,14 @@ void SlamRun::add_imu(const imu::ImuSample& sample) { part_->pipeline.add_imu(sa
 
 void SlamRun::add_scan(Scan scan) {
   switch (guard_.check(scan.stamp)) {
-    case scan::StampVerdict::kDrop:
+    case StampVerdict::kDrop:
       reporter_->report(Severity::kWarning, "scan_order",
                         "a scan was dropped: its stamp does not follow the one before");
       return;
-    case scan::StampVerdict::kRestart:
+    case StampVerdict::kRestart:
       begin_anew();
       break;
-    case scan::StampVerdict::kAccept:
+    case StampVerdict::kAccept:
       break;
   }
   part_->pipeline.add_scan(std::move(scan));

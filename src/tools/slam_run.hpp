@@ -7,12 +7,12 @@
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/evaluation/stage_times.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
 #include "fdi_lio/pipeline/run_directory.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
-#include "fdi_lio/scan/stamp_guard.hpp"
 
 namespace fdi_lio::tools {
 
@@ -59,7 +59,7 @@ class SlamRun {
   Config config_;
   std::string output_;
   Reporter* reporter_;
-  scan::StampGuard guard_;
+  StampGuard guard_;
   std::unique_ptr<Part> part_;
   int parts_ = 1;
   std::size_t finished_scans_ = 0;

@@ -35,14 +35,10 @@ std::vector<scan::Finding> check_start(BagSource* source, const Config& config, 
 
 void require_good_start(BagSource* source, const Config& config, double start_s, Reporter* reporter) {
   Reporter of_messages;  // the run itself will report them
-  std::string text;
-  bool has_error = false;
-  for (const scan::Finding& finding : check_start(source, config, start_s, &of_messages)) {
-    reporter->report(finding.severity, "check_" + finding.key, finding.text);
-    text += "\n  - " + finding.text;
-    has_error = has_error || finding.severity == Severity::kError;
-  }
-  if (has_error) {
+  const std::vector<scan::Finding> findings = check_start(source, config, start_s, &of_messages);
+  if (scan::report_findings(findings, reporter)) {
+    std::string text;
+    for (const scan::Finding& finding : findings) text += "\n  - " + finding.text;
     throw Error("the recording does not fit the configuration:" + text +
                 "\nMend that, or go on regardless with --set check.enabled=false");
   }

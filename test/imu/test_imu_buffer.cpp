@@ -22,23 +22,73 @@ class Buffer : public testing::Test {
 
 TEST_F(Buffer, DropsAndCountsNanRepeatedAndLateReadings) {
   ImuBuffer buffer(sensor_, &reporter_);
-  EXPECT_TRUE(buffer.add(at(1.0)));
-  EXPECT_FALSE(buffer.add(at(1.0)));
-  EXPECT_FALSE(buffer.add(at(0.9)));
+  EXPECT_EQ(buffer.add(at(1.0)), StampVerdict::kAccept);
+  EXPECT_EQ(buffer.add(at(1.0)), StampVerdict::kDrop);
+  EXPECT_EQ(buffer.add(at(0.9)), StampVerdict::kDrop);
   ImuSample nan = at(1.1);
   nan.acceleration.x() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_FALSE(buffer.add(nan));
+  EXPECT_EQ(buffer.add(nan), StampVerdict::kDrop);
   EXPECT_EQ(buffer.samples().size(), 1U);
   EXPECT_EQ(count("imu_order"), 2U);
   EXPECT_EQ(count("imu_non_finite"), 1U);
 }
 
-TEST_F(Buffer, ARecordingThatBeginsAgainClearsTheBuffer) {
+TEST_F(Buffer, DropsAndCountsWhatNoSensorMeasures) {
   ImuBuffer buffer(sensor_, &reporter_);
-  buffer.add(at(100.0));
-  EXPECT_TRUE(buffer.add(at(1.0)));
-  EXPECT_EQ(buffer.newest(), at(1.0).stamp);
-  EXPECT_EQ(buffer.samples().size(), 1U);
+  ImuSample glitch = at(0.9);
+  glitch.acceleration.x() = 1e6;
+  EXPECT_EQ(buffer.add(glitch), StampVerdict::kDrop);
+  EXPECT_EQ(buffer.add(at(1.0)), StampVerdict::kAccept);
+  glitch = at(1.1);
+  glitch.angular_velocity.z() = -101.0;
+  EXPECT_EQ(buffer.add(glitch), StampVerdict::kDrop);
+  glitch.angular_velocity.z() = -99.0;
+  EXPECT_EQ(buffer.add(glitch), StampVerdict::kAccept);
+  EXPECT_EQ(count("imu_limit"), 2U);
+  EXPECT_NE(reporter_.notices().at("imu_limit").text.find("sensor.max_angular_rate"), std::string::npos);
+}
+
+TEST_F(Buffer, LimitsAreInMetresPerSecondSquaredWhateverTheUnit) {
+  sensor_.max_acceleration_mps2 = 100.0;
+  for (const char* unit : {"g", "auto"}) {
+    sensor_.acceleration_unit = unit;
+    ImuBuffer buffer(sensor_, &reporter_);
+    ImuSample sample;
+    sample.acceleration.z() = 1e6;  // must not teach `auto` the unit
+    EXPECT_EQ(buffer.add(sample), StampVerdict::kDrop) << unit;
+    sample.acceleration.z() = 1.0;
+    EXPECT_EQ(buffer.add(sample), StampVerdict::kAccept) << unit;
+    sample.stamp = to_nanoseconds(0.01);
+    sample.acceleration.z() = 10.3;  // 101 m/s^2
+    EXPECT_EQ(buffer.add(sample), StampVerdict::kDrop) << unit;
+    sample.acceleration.z() = 10.1;
+    EXPECT_EQ(buffer.add(sample), StampVerdict::kAccept) << unit;
+  }
+}
+
+TEST_F(Buffer, OneStampFarAwayCostsOneReading) {
+  for (const double wrong : {3600.0, -3600.0}) {
+    ImuBuffer buffer(sensor_, &reporter_);
+    EXPECT_EQ(buffer.add(at(100.0)), StampVerdict::kAccept);
+    EXPECT_EQ(buffer.add(at(100.01 + wrong)), StampVerdict::kDrop);
+    EXPECT_EQ(buffer.add(at(100.02)), StampVerdict::kAccept);
+    EXPECT_EQ(buffer.samples().size(), 2U);
+    EXPECT_EQ(buffer.newest(), at(100.02).stamp);
+  }
+  EXPECT_EQ(count("imu_order"), 2U);
+  EXPECT_EQ(count("imu_restart"), 0U);
+}
+
+TEST_F(Buffer, AConfirmedJumpClearsTheBuffer) {
+  for (const double jump : {3600.0, -99.0}) {
+    ImuBuffer buffer(sensor_, &reporter_);
+    buffer.add(at(100.0));
+    EXPECT_EQ(buffer.add(at(100.0 + jump)), StampVerdict::kDrop);
+    EXPECT_EQ(buffer.add(at(100.01 + jump)), StampVerdict::kRestart);
+    EXPECT_EQ(buffer.newest(), at(100.01 + jump).stamp);
+    EXPECT_EQ(buffer.samples().size(), 1U);
+  }
+  EXPECT_EQ(count("imu_restart"), 2U);
 }
 
 TEST_F(Buffer, ScalesReadingsInG) {

@@ -20,6 +20,8 @@ import numpy as np
 BIN = pathlib.Path()
 SOURCE = pathlib.Path()
 DURATION_S = 15
+HOUR_S = 3600.0
+JUMP_AT_S = 4  # the vehicle has hardly left: a new map at full speed would be another test
 NODES = ("imu_preintegration", "scan_deskew", "feature_extraction", "degeneracy_estimation", "mapping_optimization")
 
 
@@ -166,9 +168,36 @@ class Nodes(unittest.TestCase):
                 # What was played while the node was away, and a moment to get going, may be missing, no more.
                 self.assertGreater(estimate[-1, 0], truth[-1, 0] - 0.3)
                 self.assertGreater(len(estimate), 10 * (DURATION_S - 5))
-                q = np.stack([np.interp(estimate[:, 0], truth[:, 0], truth[:, k]) for k in (1, 2, 3)], axis=1)
-                moved = np.linalg.norm(estimate[-1, 1:4] - estimate[0, 1:4])
-                self.assertLess(abs(moved - np.linalg.norm(q[-1] - q[0])), 1.0)
+                self.expect_same_way(estimate, truth)
+
+    def expect_same_way(self, estimate, truth):
+        """The first and the last pose are as far apart as they really are."""
+        q = np.stack([np.interp(estimate[:, 0], truth[:, 0], truth[:, k]) for k in (1, 2, 3)], axis=1)
+        moved = np.linalg.norm(estimate[-1, 1:4] - estimate[0, 1:4])
+        self.assertLess(abs(moved - np.linalg.norm(q[-1] - q[0])), 1.0)
+
+    def test_clocks_that_jump_for_good_begin_a_new_map(self):
+        truth = read_tum(self.path / "street.tum")
+        scan = 10 * JUMP_AT_S
+        for jump_s in (HOUR_S, -HOUR_S):
+            with self.subTest(jump_s=jump_s):
+                jumps = self.path / f"jump{jump_s:+.0f}.bag"
+                broken_bags.rewrite(self.bag, jumps, broken_bags.all_of(
+                    broken_bags.for_topic(broken_bags.POINTS,
+                                          broken_bags.shift_stamps(lambda i, s=jump_s: s * (i >= scan))),
+                    broken_bags.for_topic(broken_bags.IMU,
+                                          broken_bags.shift_stamps(lambda i, s=jump_s: s * (i >= 10 * scan)))))
+                output = self.path / jumps.stem
+                text = self.launch(f"bag:={jumps}", f"output:={output}", "exit_at_end:=true").wait()
+                self.assertIn("a new map is begun", text)
+                before = read_tum(output / "trajectory.tum")
+                after = read_tum(self.path / f"{jumps.stem}_2" / "trajectory.tum")
+                # The scan that waits for the IMU when the clocks jump is lost, and the first after it is not believed.
+                self.assertGreaterEqual(len(before), scan - 2)
+                self.assertGreaterEqual(len(after), 10 * DURATION_S - scan - 3)
+                self.expect_same_way(before, truth)
+                after[:, 0] -= jump_s
+                self.expect_same_way(after, truth)
 
     def transform(self, launch, target, source):
         done = launch.run("/usr/bin/python3", str(SOURCE / "test/nodes/lookup_transform.py"), target, source)
@@ -192,6 +221,48 @@ class Nodes(unittest.TestCase):
         np.testing.assert_allclose(read_tum(self.path / "urdf/trajectory.tum"),
                                    read_tum(self.path / "offline/trajectory.tum"), atol=1e-3)
 
+    def test_data_that_do_not_fit_are_refused_with_the_parameter_to_change(self):
+        launch = self.launch(f"bag:={self.bag}", f"output:={self.path / 'refused'}", "set:=sensor.acceleration_unit=g")
+        log = self.path / "diagnostics.txt"
+        with open(log, "w", encoding="utf-8") as output:
+            echo = subprocess.Popen(["rostopic", "echo", "/diagnostics"], env=launch.environment, stdout=output)
+        deadline = time.monotonic() + 60
+        while "check_imu_unit" not in log.read_text(encoding="utf-8") and time.monotonic() < deadline:
+            time.sleep(0.1)
+        echo.terminate()
+        echo.wait(60)
+        self.assertIn("check_imu_unit", log.read_text(encoding="utf-8"))
+        text = launch.stop()
+        self.assertIn("set sensor.acceleration_unit to m/s^2", text)
+        self.assertIn("nothing more of them is used", text)
+        # What came before the check was over was mapped, and nothing after it.
+        self.assertLess(len(read_tum(self.path / "refused/trajectory.tum")), 35)
+
+    def test_data_that_fit_a_little_less_are_a_warning(self):
+        launch = self.play("warned", "duration:=5", "set:=sensor.ring_count=64")
+        text = launch.wait()
+        self.assertRegex(text, r"WARN.*16 rings")
+        self.assertGreater(len(read_tum(self.path / "warned/trajectory.tum")), 45)
+
+    def test_packets_are_read_and_played_in_place_of_clouds(self):
+        packets = self.path / "packets.bag"
+        velodyne_packets.write_bag(packets, 40, velodyne_packets.room_shots)
+        text = self.launch(f"config:={SOURCE / 'config/subt_mrs.yaml'}", f"bag:={packets}", "exit_at_end:=true",
+                           f"output:={self.path / 'packets'}").wait()
+        self.assertIn("no lidar messages on /velodyne_points: taking /velodyne_packets", text)
+        self.assertIn("VLP-16 packets", text)
+        poses = read_tum(self.path / "packets/trajectory.tum")
+        self.assertEqual(len(poses), 40)
+        way = np.linalg.norm(poses[-1, 1:4] - poses[0, 1:4])
+        self.assertLess(abs(way - velodyne_packets.SPEED_MPS * (poses[-1, 0] - poses[0, 0])), 0.05)
+
+    def test_a_silent_lidar_is_named_with_the_topics_that_would_do(self):
+        launch = self.launch("set:=sensor.points_topic=/front/points")
+        deadline = time.monotonic() + 40
+        while "nothing has come on /front/points" not in launch.text() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        self.assertRegex(launch.stop(), "nothing has come on /front/points.*fitting type: none")
+
     def test_a_wrong_parameter_is_named(self):
         launch = self.launch("set:=mapping.typo=1")
         deadline = time.monotonic() + 30
@@ -203,4 +274,7 @@ class Nodes(unittest.TestCase):
 if __name__ == "__main__":
     SOURCE = pathlib.Path(sys.argv.pop()).resolve()
     BIN = pathlib.Path(sys.argv.pop()).resolve()
+    sys.path[:0] = [str(SOURCE / "test/system"), str(SOURCE / "test/scripts")]
+    import broken_bags
+    import test_velodyne_packets as velodyne_packets
     unittest.main(verbosity=2)

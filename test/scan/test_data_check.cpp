@@ -126,6 +126,20 @@ TEST_F(Check, AccelerationInOtherUnitsIsAnError) {
   expect_only(Severity::kError, "imu_unit", {"no known unit"});
 }
 
+TEST_F(Check, GlitchesAreAWarningAndDoNotSpoilTheOtherChecks) {
+  recording_.change_imu = [n = 0](double, imu::ImuSample* sample) mutable {
+    if (++n % 100 == 50) sample->acceleration.x() = 1e6;
+    if (n % 100 == 70) sample->angular_velocity.x() = 4000.0;
+  };
+  expect_only(Severity::kWarning, "imu_limit",
+              {"12 of 600", "1000000.0", "4000.0", "sensor.max_acceleration"});
+}
+
+TEST_F(Check, AGyroBeyondEverySensorIsTheWrongUnit) {
+  recording_.change_imu = [](double, imu::ImuSample* sample) { sample->angular_velocity.z() = 150.0; };
+  expect_only(Severity::kError, "gyro_unit", {"150.0", "deg/s"});
+}
+
 TEST_F(Check, AccelerationThatIsALittleOffIsAWarning) {
   recording_.change_imu = [](double, imu::ImuSample* sample) { sample->acceleration.z() += 1.5; };
   expect_only(Severity::kWarning, "gravity", {"11.31", "check.gravity_tolerance"});

@@ -51,12 +51,28 @@ TEST(Trajectory, AccelerationHasNoJumpsAtKnots) {
   }
 }
 
-TEST(Trajectory, StandsStillBeyondItsEnds) {
-  const Trajectory trajectory = random_trajectory(9);
-  for (const double t : {-10.0, 100.0}) {
-    EXPECT_LT(trajectory.evaluate(t).v_map.norm(), 1e-12);
-    EXPECT_LT(trajectory.evaluate(t).w_imu.norm(), 1e-12);
+TEST(Trajectory, KeepsItsSpeedBeyondItsEnds) {
+  const std::vector<PoseVector> poses = [] {
+    std::vector<PoseVector> way(20, PoseVector::Zero());
+    for (std::size_t i = 0; i < way.size(); ++i) way[i][0] = 3.0 * static_cast<double>(i);
+    return way;
+  }();
+  const Trajectory steady(poses, 0.1);  // 30 m/s along x
+  for (const double t : {-5.0, -0.1, 0.0, 0.05, 1.0, 1.9, 2.0, 50.0}) {
+    const MotionState state = steady.evaluate(t);
+    EXPECT_NEAR(state.T_map_imu.translation().x(), 30.0 * t, 1e-9) << t;
+    EXPECT_LT((state.v_map - Eigen::Vector3d(30.0, 0.0, 0.0)).norm(), 1e-9) << t;
+    EXPECT_LT(state.a_map.norm(), 1e-9) << t;
   }
+}
+
+TEST(Trajectory, ThatEndsStandingStaysThere) {
+  std::vector<PoseVector> poses(20, PoseVector::Zero());
+  for (std::size_t i = 5; i < 15; ++i) poses[i][1] = 0.2 * static_cast<double>(i - 5);
+  for (std::size_t i = 15; i < 20; ++i) poses[i][1] = 2.0;
+  const Trajectory trajectory(poses, 0.1);
+  EXPECT_LT(trajectory.evaluate(-10.0).T_map_imu.translation().norm(), 1e-12);
+  EXPECT_NEAR(trajectory.evaluate(100.0).T_map_imu.translation().y(), 2.0, 1e-12);
 }
 
 TEST(Drive, KeepsToSpeedAccelerationAndStandstill) {

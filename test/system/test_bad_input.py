@@ -181,6 +181,14 @@ class Imu(BadInput):
         self.expect_run(break_every(10), "NaN")
         self.expect_run(break_every(1), "NaN", "without an IMU", max_error_m=0.5)
 
+    def test_glitches(self):
+        def glitch(part, axis, value):
+            return bags.readings(lambda i, reading: setattr(getattr(reading, part), axis, value)
+                                 if i % 150 == 80 else None)
+
+        self.expect_run(glitch("linear_acceleration", "x", 1e6), "no sensor measures", "sensor.max_acceleration")
+        self.expect_run(glitch("angular_velocity", "z", -1e4), "no sensor measures", "sensor.max_angular_rate")
+
     def test_absent(self):
         self.expect_run(bags.for_topic(IMU, lambda *_: []), "no IMU messages on '/imu_raw'", max_error_m=0.5)
 

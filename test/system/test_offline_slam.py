@@ -13,6 +13,7 @@ import time
 import unittest
 
 import numpy as np
+import rosbag
 
 BIN = pathlib.Path()
 SOURCE = pathlib.Path()
@@ -84,9 +85,21 @@ class OfflineSlam(unittest.TestCase):
         self.assertLess(ate_rmse(estimate, read_tum(self.path / "street.tum")), 1.0)
 
     def test_wrong_topic_names_those_that_would_do(self):
-        done = self.run_slam("topic", "--set", "sensor.points_topic=/none")
+        two = self.path / "two_lidars.bag"
+        with rosbag.Bag(str(self.bag)) as source, rosbag.Bag(str(two), "w") as bag:
+            for topic, message, stamp in source.read_messages(["/points_raw"]):
+                bag.write(topic, message, stamp)
+                bag.write("/rear/points", message, stamp)
+        done = self.run_slam("topic", "--set", "sensor.points_topic=/none", bag=two)
         self.assertEqual(done.returncode, 2)
-        self.assertIn("/points_raw", done.stderr)
+        self.assertIn("/points_raw, /rear/points", done.stderr)
+
+    def test_the_only_lidar_takes_the_place_of_a_missing_topic(self):
+        self.assertEqual(self.run_slam("named", "--duration", "3").returncode, 0)
+        done = self.run_slam("only", "--duration", "3", "--set", "sensor.points_topic=/none")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("no lidar messages on /none: taking /points_raw", done.stderr)
+        self.assertTrue(filecmp.cmp(self.path / "named/map.pcd", self.path / "only/map.pcd", shallow=False))
 
     def test_missing_and_truncated_bags_are_named(self):
         done = self.run_slam("missing", bag=self.path / "missing.bag")

@@ -27,6 +27,8 @@ struct SensorConfig {
   double beam_angle_noise_deg = 0.03;
   double lidar_time_offset_s = 0.0;
   std::string acceleration_unit = "m/s^2";  // m/s^2 | g | auto
+  double max_acceleration_mps2 = 500.0;
+  double max_angular_rate_radps = 100.0;
   double gyro_noise = 1e-3;
   double accel_noise = 1e-2;
   double gyro_bias_walk = 1e-4;

@@ -7,19 +7,23 @@
 
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 
 namespace fdi_lio::imu {
 
-/// Readings in time order. Non-finite, repeated and late readings are counted and dropped; readings in g are
-/// scaled.
+/// Readings in time order. Readings that are not finite, beyond what a sensor can measure, repeated, late or
+/// far from the others in time are counted and dropped; readings in g are scaled.
 class ImuBuffer {
  public:
   ImuBuffer(const SensorConfig& sensor, Reporter* reporter);
 
-  /// Takes one reading; false when it was dropped. A stamp more than 10 s behind the newest one clears the
-  /// buffer (a bag that was started again).
-  bool add(const ImuSample& sample);
+  /// Takes one reading, or drops it. A jump of the stamps that the next reading confirms (StampGuard) clears
+  /// the buffer first: kRestart.
+  StampVerdict add(const ImuSample& sample);
+
+  /// Whether a sensor can have measured it: within sensor.max_acceleration and sensor.max_angular_rate.
+  bool is_possible(const ImuSample& sample) const;
 
   bool empty() const { return samples_.empty(); }
   /// Stamp of the newest reading; the buffer must not be empty.
@@ -39,10 +43,12 @@ class ImuBuffer {
   void reset();
 
  private:
-  double detect_scale(const ImuSample& sample);
+  double scale_of(const ImuSample& sample) const;
+  void learn_scale(const ImuSample& sample);
 
   SensorConfig sensor_;
   Reporter* reporter_;
+  StampGuard guard_;
   std::deque<ImuSample> samples_;
   double scale_ = 0.0;  ///< acceleration to m/s^2; 0 until known
 };

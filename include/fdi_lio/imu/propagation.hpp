@@ -25,7 +25,8 @@ class ImuPropagator {
  public:
   ImuPropagator() = default;
 
-  /// Takes the newest estimate and moves it over the readings in `buffer` that are newer.
+  /// Takes the newest estimate and moves it over the readings in `buffer` that are newer. An estimate from
+  /// before a jump of the stamps (is_jump) is forgotten.
   void set_state(const NavState& state, const ImuBuffer& buffer);
 
   /// Moves to `sample` (the newest reading of the buffer). Nothing before the first estimate.

@@ -8,8 +8,8 @@
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/imu_buffer.hpp"
-#include "fdi_lio/scan/stamp_guard.hpp"
 
 namespace fdi_lio::scan {
 
@@ -19,6 +19,9 @@ struct Finding {
   std::string key;                         ///< for machines: does not change with the values
   std::string text;  ///< what was measured, what was expected, which parameter to change
 };
+
+/// Gives findings to `reporter`, under their key after `check_`; true when one is an error.
+bool report_findings(const std::vector<Finding>& findings, Reporter* reporter);
 
 /// Looks at the first seconds of a recording and compares them with the configuration: units, rates, clocks,
 /// the extrinsic against gravity, the layout of the clouds. Feed it in the order of reception, then ask.
@@ -32,6 +35,9 @@ class DataCheck {
 
   /// One scan as the reader made it, not deskewed, lidar frame.
   void add_scan(const Scan& scan);
+
+  /// Replaces the extrinsic of the configuration, for one that is known only later (tf).
+  void set_extrinsic(const Eigen::Isometry3d& T_imu_lidar);
 
   /// Everything found so far, errors first. Empty: nothing to complain about.
   std::vector<Finding> findings() const;
@@ -48,6 +54,7 @@ class DataCheck {
   using Findings = std::vector<Finding>;
 
   void check_readings(Findings* findings) const;
+  void check_limits(Findings* findings) const;
   void check_imu_rate(Findings* findings) const;
   void check_acceleration(Findings* findings) const;
   void check_gyro_unit(Findings* findings) const;
@@ -59,9 +66,10 @@ class DataCheck {
 
   Config config_;
   Reporter imu_reporter_;     ///< what the buffer says about single readings
-  imu::ImuBuffer imu_;        ///< finite readings in order, m/s^2 by the unit of the configuration
+  imu::ImuBuffer imu_;        ///< usable readings in order, m/s^2 by the unit of the configuration
   std::size_t readings_ = 0;  ///< all that came
   std::size_t non_finite_ = 0;
+  std::vector<imu::ImuSample> impossible_;  ///< beyond what a sensor measures, in the driver's unit
   std::size_t unordered_ = 0;
   StampGuard imu_guard_;
   double scale_ = 1.0;  ///< from the driver's unit of acceleration to that of the buffer

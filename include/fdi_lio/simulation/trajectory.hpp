@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include <Eigen/Core>
@@ -23,8 +24,8 @@ using PoseVector = Eigen::Matrix<double, 6, 1>;
 /// smooths over about 0.7 knot periods instead of passing through them. |pitch| must stay below 80 degrees.
 class Trajectory {
  public:
-  /// `poses` are spaced by `knot_period_s`; the first belongs to t = 0. Beyond both ends the motion stands
-  /// still.
+  /// `poses` are spaced by `knot_period_s`; the first belongs to t = 0. Beyond both ends it goes on
+  /// with the velocity that it has there, so that a recording can begin at speed without a jolt.
   Trajectory(std::vector<PoseVector> poses, double knot_period_s);
 
   MotionState evaluate(double t) const;
@@ -38,6 +39,7 @@ class Trajectory {
   double length_m() const;
 
  private:
+  PoseVector control_point(std::int64_t index) const;
   PoseVector blend(double t, int derivative) const;
 
   std::vector<PoseVector> poses_;

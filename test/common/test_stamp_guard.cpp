@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
 
-#include "fdi_lio/scan/stamp_guard.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 
-namespace fdi_lio::scan {
+namespace fdi_lio {
 namespace {
 
 class Guard : public testing::Test {
@@ -52,6 +52,12 @@ TEST_F(Guard, AConfirmedJumpIsARestartInEitherDirection) {
   EXPECT_EQ(check(3600.2), StampVerdict::kAccept);
 }
 
+TEST(Jump, IsALongStepInEitherDirection) {
+  const Stamp now = to_nanoseconds(1000.0);
+  for (const double step : {10.1, -10.1, 3600.0}) EXPECT_TRUE(is_jump(now, add_seconds(now, step))) << step;
+  for (const double step : {9.9, -9.9, 0.0}) EXPECT_FALSE(is_jump(now, add_seconds(now, step))) << step;
+}
+
 TEST_F(Guard, AFrozenOrWildClockConfirmsNothing) {
   EXPECT_EQ(check(0.0), StampVerdict::kAccept);
   for (int i = 0; i < 3; ++i) EXPECT_EQ(check(500.0), StampVerdict::kDrop);
@@ -68,4 +74,4 @@ TEST_F(Guard, AFirstWrongStampIsGivenUp) {
 }
 
 }  // namespace
-}  // namespace fdi_lio::scan
+}  // namespace fdi_lio

@@ -1,13 +1,15 @@
-#include "fdi_lio/scan/stamp_guard.hpp"
+#include "fdi_lio/common/stamp_guard.hpp"
 
 #include <cmath>
 
-namespace fdi_lio::scan {
+namespace fdi_lio {
 
 namespace {
 constexpr double kJumpS = 10.0;
 constexpr double kConfirmS = 1.0;
 }  // namespace
+
+bool is_jump(Stamp from, Stamp to) { return std::abs(seconds_between(from, to)) > kJumpS; }
 
 StampVerdict StampGuard::check(Stamp stamp) {
   if (!newest_) {
@@ -15,7 +17,7 @@ StampVerdict StampGuard::check(Stamp stamp) {
     return StampVerdict::kAccept;
   }
   const double step = seconds_between(*newest_, stamp);
-  if (std::abs(step) <= kJumpS) {
+  if (!is_jump(*newest_, stamp)) {
     jump_.reset();
     if (step <= 0.0) return StampVerdict::kDrop;
     newest_ = stamp;
@@ -29,4 +31,4 @@ StampVerdict StampGuard::check(Stamp stamp) {
   return StampVerdict::kRestart;
 }
 
-}  // namespace fdi_lio::scan
+}  // namespace fdi_lio
