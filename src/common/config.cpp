@@ -233,6 +233,7 @@ void Config::visit(ParameterVisitor& v) {
   imu.visit(v);
   intensity.visit(v);
   gradient.visit(v);
+  dynamic.visit(v);
   features.visit(v);
   mapping.visit(v);
   degeneracy.visit(v);

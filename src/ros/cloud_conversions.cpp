@@ -97,6 +97,8 @@ DeskewedCloudPtr to_message(const DeskewedScan& scan, const std::string& lidar_f
   message->intensity_gradient = scan.intensity_gradient;
   message->gradient_stability = scan.gradient_stability;
   message->removed = to_cloud(scan.removed, scan.stamp, lidar_frame);
+  for (const RemovalReason reason : scan.removal_reasons)
+    message->removal_reasons.push_back(static_cast<std::uint8_t>(reason));
   return message;
 }
 
@@ -116,6 +118,9 @@ DeskewedScan to_scan(const DeskewedCloud& message) {
   check_length("intensity_gradient", scan.intensity_gradient.size(), scan.points.size());
   check_length("gradient_stability", scan.gradient_stability.size(), scan.points.size());
   scan.removed = to_points(message.removed);
+  for (const std::uint8_t reason : message.removal_reasons)
+    scan.removal_reasons.push_back(static_cast<RemovalReason>(reason));
+  check_length("removal_reasons", scan.removal_reasons.size(), scan.removed.size());
   return scan;
 }
 

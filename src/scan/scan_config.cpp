@@ -39,4 +39,25 @@ void GradientConfig::visit(ParameterVisitor& v) {
          10.0);
 }
 
+void DynamicConfig::visit(ParameterVisitor& v) {
+  v.choice({"dynamic.mode", "",
+            "how moving points are found. plain: high intensity gradient at a range jump; full: what earlier "
+            "scans saw through"},
+           mode, {"off", "plain", "full"});
+  v.real({"dynamic.gradient_deviations", "", "kappa of the plain criterion"}, gradient_deviations, 0.0, 20.0);
+  v.real({"dynamic.range_jump", "", "eps_r of the plain criterion, as a share of the range"}, range_jump,
+         1e-3, 1.0);
+  v.real({"dynamic.safety_factor", "", "lambda of the plain criterion"}, safety_factor, 0.1, 10.0);
+  v.integer({"dynamic.past_scans", "", "earlier scans that each point is looked up in"}, past_scans, 1, 10);
+  v.real({"dynamic.past_spacing", "s", "time between these scans"}, past_spacing_s, 0.05, 5.0);
+  v.real({"dynamic.free_margin", "m", "an earlier scan saw through a place if it saw farther by this"},
+         free_margin_m, 0.01, 5.0);
+  v.real({"dynamic.free_margin_share", "", "and by this share of the range"}, free_margin_share, 0.0, 0.5);
+  v.real({"dynamic.touch_distance", "m", "points nearer than this can belong to one object"},
+         touch_distance_m, 0.01, 5.0);
+  v.real({"dynamic.touch_share", "", "and farther by this share of the range"}, touch_share, 0.0, 0.5);
+  v.integer({"dynamic.min_object_points", "", "smaller moving objects are taken for noise"},
+            min_object_points, 1, 1000);
+}
+
 }  // namespace fdi_lio::scan

@@ -13,7 +13,8 @@ ScanProcessor::ScanProcessor(const Config& config, Reporter* reporter)
       reporter_(reporter),
       intensity_(config.intensity, reporter),
       gradient_(config.gradient),
-      smoother_(config.gradient) {}
+      smoother_(config.gradient),
+      dynamic_(config.dynamic) {}
 
 DeskewedScan ScanProcessor::process(Scan scan, const std::optional<imu::NavState>& state,
                                     const imu::ImuBuffer& imu) {
@@ -42,13 +43,15 @@ DeskewedScan ScanProcessor::process(Scan scan, const std::optional<imu::NavState
         (state->T_odom_imu() * T_imu_lidar).inverse() * trajectory.back().T_odom_imu() * T_imu_lidar;
   }
   previous_stamp_ = scan.stamp;
+  if (has_state) dynamic_.correct_newest(state->stamp, state->T_odom_imu() * T_imu_lidar);
+  image_.build(&ordered);
   add_intensity(T_previous_lidar, &ordered);
+  remove_points(dynamic_.classify(ordered, image_, trajectory.back().T_odom_imu() * T_imu_lidar), &ordered);
   return ordered;
 }
 
 void ScanProcessor::add_intensity(const std::optional<Eigen::Isometry3d>& T_previous_lidar,
                                   DeskewedScan* scan) {
-  image_.build(scan);
   scan->intensity_level = intensity_.apply(*scan, image_);
   if (scan->intensity_level.empty()) {
     smoother_.reset();

@@ -160,6 +160,7 @@ struct Config {
   ImuConfig imu;
   scan::IntensityConfig intensity;
   scan::GradientConfig gradient;
+  scan::DynamicConfig dynamic;
   FeatureConfig features;
   MappingConfig mapping;
   degeneracy::DegeneracyConfig degeneracy;

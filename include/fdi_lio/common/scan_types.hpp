@@ -41,6 +41,15 @@ struct Scan {
   DropCounts dropped;
 };
 
+/// Why a point was removed as moving (scan::DynamicFilter).
+enum class RemovalReason : std::uint8_t {
+  kNone = 0,
+  kCriterion = 1,     ///< plain criterion: intensity gradient and range jump
+  kFreeSpace = 2,     ///< earlier scans saw through its place
+  kVacated = 3,       ///< what hid its place earlier has moved away
+  kPartOfObject = 4,  ///< touches points with one of the reasons above
+};
+
 /// A sweep moved to one instant, ordered ring by ring and by azimuth within each ring.
 struct DeskewedScan {
   Stamp stamp = 0;
@@ -53,7 +62,8 @@ struct DeskewedScan {
   std::vector<float> intensity_level;
   std::vector<float> intensity_gradient;
   std::vector<float> gradient_stability;
-  std::vector<Point> removed;  ///< points classified as moving
+  std::vector<Point> removed;                  ///< points classified as moving
+  std::vector<RemovalReason> removal_reasons;  ///< of `removed`
 
   std::size_t ring_count() const { return ring_begin.empty() ? 0 : ring_begin.size() - 1; }
 };

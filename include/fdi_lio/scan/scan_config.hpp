@@ -34,4 +34,21 @@ struct GradientConfig {
   void visit(ParameterVisitor& visitor);
 };
 
+/// The filter of moving points (scan::DynamicFilter).
+struct DynamicConfig {
+  std::string mode = "full";  // off | plain | full
+  double gradient_deviations = 2.0;
+  double range_jump = 0.02;
+  double safety_factor = 1.5;
+  int past_scans = 3;
+  double past_spacing_s = 0.4;
+  double free_margin_m = 0.3;
+  double free_margin_share = 0.01;
+  double touch_distance_m = 0.3;
+  double touch_share = 0.01;
+  int min_object_points = 5;
+
+  void visit(ParameterVisitor& visitor);
+};
+
 }  // namespace fdi_lio::scan

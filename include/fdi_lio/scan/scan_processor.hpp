@@ -7,6 +7,7 @@
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/imu/imu_buffer.hpp"
+#include "fdi_lio/scan/dynamic_filter.hpp"
 #include "fdi_lio/scan/gradient_smoother.hpp"
 #include "fdi_lio/scan/intensity_gradient.hpp"
 #include "fdi_lio/scan/intensity_model.hpp"
@@ -15,7 +16,7 @@
 namespace fdi_lio::scan {
 
 /// The work of the scan_deskew node: raw scan in; out comes the scan, deskewed, ordered, with its intensity
-/// gradient.
+/// gradient and without what moves.
 class ScanProcessor {
  public:
   ScanProcessor(const Config& config, Reporter* reporter);
@@ -32,6 +33,7 @@ class ScanProcessor {
   IntensityModel intensity_;
   IntensityGradient gradient_;
   GradientSmoother smoother_;
+  DynamicFilter dynamic_;
   RangeImage image_;
   std::optional<Stamp> previous_stamp_;
 };

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/common/time.hpp"
+#include "fdi_lio/scan/range_image.hpp"
+#include "fdi_lio/scan/scan_config.hpp"
+
+namespace fdi_lio::scan {
+
+/// Finds points on moving objects.
+///
+/// Mode `plain` is the criterion D(p) = [IDG(p) > mu + kappa sigma] [|dr_p| > eps_r]: both the range jump to
+/// the neighbours on the ring and the mean distance to the nearest points of the window exceed
+/// lambda eps_r, eps_r = range_jump * range. It also hits the silhouettes of static things.
+///
+/// Mode `full` asks what earlier scans saw. Each point is looked up in the range images of some earlier
+/// scans:
+///   free      all nine cells about its direction saw farther: what is there now was not there then;
+///   static    the cell saw a surface at the same place;
+///   vacated   something nearer hid the place then, and the present scan sees through where that was: what
+///   hid
+///             it has moved, and this is probably it (an object that drives away);
+///   unknown   none of these.
+/// Free and vacated points are the seeds. Seeds that touch form an object, which takes in the unknown points
+/// that touch it; an object of too few points is dropped.
+class DynamicFilter {
+ public:
+  explicit DynamicFilter(const DynamicConfig& config) : config_(config) {}
+
+  /// Reason for the removal of each point of `scan`, in its order. `T_odom_lidar` is the predicted pose.
+  std::vector<RemovalReason> classify(const DeskewedScan& scan, const RangeImage& image,
+                                      const Eigen::Isometry3d& T_odom_lidar);
+
+  /// Corrects the pose of the newest classified scan once it has been estimated.
+  void correct_newest(Stamp stamp, const Eigen::Isometry3d& T_odom_lidar);
+
+  void reset() { history_.clear(); }
+
+ private:
+  struct Past {
+    Stamp stamp = 0;
+    RangeImage image;
+    Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
+  };
+  enum class Evidence : std::uint8_t { kNone, kUnknown, kStatic, kFree, kVacated };
+
+  std::vector<RemovalReason> plain(const DeskewedScan& scan, const RangeImage& image) const;
+  std::vector<RemovalReason> full(const DeskewedScan& scan, const RangeImage& image,
+                                  const Eigen::Isometry3d& T_odom_lidar) const;
+  std::vector<const Past*> chosen_past(Stamp now) const;
+  Evidence weigh(const Eigen::Vector3f& point, const RangeImage& image, const std::vector<const Past*>& past,
+                 const std::vector<Eigen::Isometry3f>& T_past_now) const;
+  void remember(const DeskewedScan& scan, const RangeImage& image, const Eigen::Isometry3d& T_odom_lidar);
+
+  DynamicConfig config_;
+  std::deque<Past> history_;  ///< oldest first
+};
+
+/// Moves the points with a reason out of `scan`, with all that is kept per point, to `scan->removed`.
+void remove_points(const std::vector<RemovalReason>& reasons, DeskewedScan* scan);
+
+}  // namespace fdi_lio::scan

@@ -1,0 +1,288 @@
+#include "fdi_lio/scan/dynamic_filter.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "fdi_lio/common/parallel.hpp"
+
+namespace fdi_lio::scan {
+
+namespace {
+
+constexpr int kColumnStride = 2;  ///< every second column is looked at; the others follow their neighbour
+constexpr int kLeastCells = 4;    ///< of the nine about a direction, that must hold a range
+
+struct Surroundings {
+  float nearest = std::numeric_limits<float>::max();
+  float centre = 0.0F;
+  int filled = 0;
+};
+
+/// The nine cells of an earlier image about a direction.
+Surroundings surroundings(const RangeImage& image, const RangeImage::Direction& direction) {
+  Surroundings found;
+  for (int dr = -1; dr <= 1; ++dr) {
+    const int ring = direction.ring + dr;
+    if (ring < 0 || ring >= image.rings()) continue;
+    for (int dc = -1; dc <= 1; ++dc) {
+      const float range = image.range_at(ring, direction.column + dc);
+      if (range <= 0.0F) continue;
+      ++found.filled;
+      found.nearest = std::min(found.nearest, range);
+      if (dr == 0 && dc == 0) found.centre = range;
+    }
+  }
+  return found;
+}
+
+/// Groups cells of one image that touch. Cells are (ring, column / kColumnStride).
+class ObjectGrower {
+ public:
+  ObjectGrower(const DeskewedScan& scan, const RangeImage& image, const DynamicConfig& config)
+      : scan_(scan),
+        image_(image),
+        config_(config),
+        columns_(image.columns() / kColumnStride),
+        taken_(static_cast<std::size_t>(image.rings()) * static_cast<std::size_t>(columns_), 0) {}
+
+  int columns() const { return columns_; }
+  std::size_t cell(int ring, int column) const {
+    const int wrapped = (column + columns_) % columns_;
+    return static_cast<std::size_t>(ring) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(wrapped);
+  }
+  std::uint32_t point_of(std::size_t cell) const {
+    const auto columns = static_cast<std::size_t>(columns_);
+    return image_.at(static_cast<int>(cell / columns), static_cast<int>(cell % columns) * kColumnStride);
+  }
+
+  /// The cells that `accept` and that touch `seed`, directly or through others; none if seed was taken.
+  template <typename Accept>
+  std::vector<std::size_t> grow(std::size_t seed, const Accept& accept) {
+    std::vector<std::size_t> members;
+    if (taken_[seed] != 0) return members;
+    taken_[seed] = 1;
+    members.push_back(seed);
+    for (std::size_t next = 0; next < members.size(); ++next)
+      visit_neighbours(members[next], accept, &members);
+    return members;
+  }
+
+  template <typename Accept>
+  void visit_neighbours(std::size_t from, const Accept& accept, std::vector<std::size_t>* members) {
+    const auto columns = static_cast<std::size_t>(columns_);
+    const int ring = static_cast<int>(from / columns);
+    const int column = static_cast<int>(from % columns);
+    const Eigen::Vector3f& p = scan_.points[point_of(from)].position;
+    const float reach =
+        static_cast<float>(config_.touch_distance_m) + static_cast<float>(config_.touch_share) * p.norm();
+    for (int dr = -2; dr <= 2; ++dr) {
+      if (ring + dr < 0 || ring + dr >= image_.rings()) continue;
+      for (int dc = -2; dc <= 2; ++dc) {
+        const std::size_t other = cell(ring + dr, column + dc);
+        if (taken_[other] != 0 || !accept(other)) continue;
+        const std::uint32_t j = point_of(other);
+        if (j == RangeImage::kNone || (scan_.points[j].position - p).squaredNorm() > reach * reach) continue;
+        taken_[other] = 1;
+        members->push_back(other);
+      }
+    }
+  }
+
+ private:
+  const DeskewedScan& scan_;
+  const RangeImage& image_;
+  const DynamicConfig& config_;
+  int columns_;
+  std::vector<char> taken_;
+};
+
+}  // namespace
+
+std::vector<RemovalReason> DynamicFilter::classify(const DeskewedScan& scan, const RangeImage& image,
+                                                   const Eigen::Isometry3d& T_odom_lidar) {
+  if (config_.mode == "off") return {};
+  if (config_.mode == "plain") return plain(scan, image);
+  std::vector<RemovalReason> reasons = full(scan, image, T_odom_lidar);
+  remember(scan, image, T_odom_lidar);
+  return reasons;
+}
+
+std::vector<RemovalReason> DynamicFilter::plain(const DeskewedScan& scan, const RangeImage& image) const {
+  std::vector<RemovalReason> reasons(scan.points.size(), RemovalReason::kNone);
+  if (scan.intensity_gradient.empty()) return reasons;
+  double sum = 0.0;
+  double squares = 0.0;
+  for (const float gradient : scan.intensity_gradient) {
+    sum += gradient;
+    squares += static_cast<double>(gradient) * gradient;
+  }
+  const auto count = static_cast<double>(scan.points.size());
+  const double mean = sum / count;
+  const double deviation = std::sqrt(std::max(0.0, squares / count - mean * mean));
+  const auto threshold = static_cast<float>(mean + config_.gradient_deviations * deviation);
+  for (std::size_t i = 0; i < scan.points.size(); ++i) {
+    if (scan.intensity_gradient[i] <= threshold) continue;
+    const Point& point = scan.points[i];
+    const float range = point.position.norm();
+    const auto limit = static_cast<float>(config_.safety_factor * config_.range_jump) * range;
+    float jump = 0.0F;
+    float distance = 0.0F;
+    int neighbours = 0;
+    for (int dr = -1; dr <= 1; ++dr) {
+      if (point.ring + dr < 0 || point.ring + dr >= image.rings()) continue;
+      for (int dc = -1; dc <= 1; ++dc) {
+        const std::uint32_t j = image.at(point.ring + dr, point.column + dc);
+        if (j == RangeImage::kNone || j == i) continue;
+        if (dr == 0) jump = std::max(jump, std::abs(image.range_at(point.ring, point.column + dc) - range));
+        distance += (scan.points[j].position - point.position).norm();
+        ++neighbours;
+      }
+    }
+    if (neighbours > 0 && jump > limit && distance / static_cast<float>(neighbours) > limit)
+      reasons[i] = RemovalReason::kCriterion;
+  }
+  return reasons;
+}
+
+std::vector<const DynamicFilter::Past*> DynamicFilter::chosen_past(Stamp now) const {
+  std::vector<const Past*> chosen;
+  for (int k = 1; k <= config_.past_scans; ++k) {
+    const double age_s = config_.past_spacing_s * k;
+    const Past* best = nullptr;
+    for (const Past& past : history_) {
+      const double error_s = std::abs(seconds_between(past.stamp, now) - age_s);
+      if (error_s > 0.5 * config_.past_spacing_s) continue;
+      if (best == nullptr || error_s < std::abs(seconds_between(best->stamp, now) - age_s)) best = &past;
+    }
+    if (best != nullptr) chosen.push_back(best);
+  }
+  return chosen;
+}
+
+DynamicFilter::Evidence DynamicFilter::weigh(const Eigen::Vector3f& point, const RangeImage& image,
+                                             const std::vector<const Past*>& past,
+                                             const std::vector<Eigen::Isometry3f>& T_past_now) const {
+  int free = 0;
+  int fixed = 0;
+  int vacated = 0;
+  for (std::size_t k = 0; k < past.size(); ++k) {
+    const Eigen::Vector3f then = T_past_now[k] * point;
+    const RangeImage::Direction direction = past[k]->image.look_at(then);
+    if (!direction.is_inside) continue;
+    const Surroundings seen = surroundings(past[k]->image, direction);
+    if (seen.filled < kLeastCells) continue;
+    const float range = direction.range_m;
+    const float margin =
+        static_cast<float>(config_.free_margin_m) + static_cast<float>(config_.free_margin_share) * range;
+    if (seen.nearest > range + margin) {
+      ++free;
+    } else if (seen.centre > 0.0F && std::abs(seen.centre - range) <= 0.5F * margin) {
+      ++fixed;
+    } else if (seen.centre > 0.0F && seen.centre < range - margin) {
+      // What hid the place: is it still there?
+      const Eigen::Vector3f hider = T_past_now[k].inverse() * Eigen::Vector3f(then * (seen.centre / range));
+      const RangeImage::Direction now = image.look_at(hider);
+      if (!now.is_inside) continue;
+      const Surroundings there = surroundings(image, now);
+      if (there.filled >= kLeastCells && there.nearest > now.range_m + margin) ++vacated;
+    }
+  }
+  if (fixed > 0 && fixed >= free) return Evidence::kStatic;
+  if (free > 0) return Evidence::kFree;
+  if (vacated >= 2) return Evidence::kVacated;
+  return Evidence::kUnknown;
+}
+
+std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const RangeImage& image,
+                                               const Eigen::Isometry3d& T_odom_lidar) const {
+  std::vector<RemovalReason> reasons(scan.points.size(), RemovalReason::kNone);
+  const std::vector<const Past*> past = chosen_past(scan.stamp);
+  if (past.empty()) return reasons;
+  std::vector<Eigen::Isometry3f> T_past_now;
+  for (const Past* each : past)
+    T_past_now.push_back((each->T_odom_lidar.inverse() * T_odom_lidar).cast<float>());
+
+  ObjectGrower grower(scan, image, config_);
+  const auto rings = static_cast<std::size_t>(image.rings());
+  const auto columns = static_cast<std::size_t>(grower.columns());
+  std::vector<Evidence> evidence(rings * columns, Evidence::kNone);
+  parallel_chunks(rings, 4, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for (std::size_t at = begin * columns; at < end * columns; ++at) {
+      const std::uint32_t i = grower.point_of(at);
+      if (i != RangeImage::kNone) evidence[at] = weigh(scan.points[i].position, image, past, T_past_now);
+    }
+  });
+
+  std::vector<RemovalReason> of_cell(rings * columns, RemovalReason::kNone);
+  const auto is_seed = [&evidence](std::size_t at) {
+    return evidence[at] == Evidence::kFree || evidence[at] == Evidence::kVacated;
+  };
+  const auto is_unknown = [&evidence](std::size_t at) { return evidence[at] == Evidence::kUnknown; };
+  for (std::size_t seed = 0; seed < evidence.size(); ++seed) {
+    if (!is_seed(seed)) continue;
+    const std::vector<std::size_t> core = grower.grow(seed, is_seed);
+    if (core.size() < static_cast<std::size_t>(config_.min_object_points)) continue;
+    std::vector<std::size_t> members = core;
+    for (std::size_t next = 0; next < members.size() && members.size() < 4 * core.size(); ++next)
+      grower.visit_neighbours(members[next], is_unknown, &members);
+    for (const std::size_t at : members) {
+      of_cell[at] = evidence[at] == Evidence::kFree      ? RemovalReason::kFreeSpace
+                    : evidence[at] == Evidence::kVacated ? RemovalReason::kVacated
+                                                         : RemovalReason::kPartOfObject;
+    }
+  }
+  const auto touch = static_cast<float>(config_.touch_distance_m);
+  for (std::size_t i = 0; i < reasons.size(); ++i) {
+    const Point& point = scan.points[i];
+    const std::size_t at = grower.cell(point.ring, point.column / kColumnStride);
+    if (of_cell[at] == RemovalReason::kNone) continue;
+    const Eigen::Vector3f& looked_at = scan.points[grower.point_of(at)].position;
+    if ((looked_at - point.position).squaredNorm() <= touch * touch) reasons[i] = of_cell[at];
+  }
+  return reasons;
+}
+
+void DynamicFilter::remember(const DeskewedScan& scan, const RangeImage& image,
+                             const Eigen::Isometry3d& T_odom_lidar) {
+  history_.push_back({scan.stamp, image, T_odom_lidar});
+  const double kept_s = config_.past_spacing_s * (config_.past_scans + 0.5);
+  while (seconds_between(history_.front().stamp, scan.stamp) > kept_s) history_.pop_front();
+}
+
+void DynamicFilter::correct_newest(Stamp stamp, const Eigen::Isometry3d& T_odom_lidar) {
+  if (!history_.empty() && history_.back().stamp == stamp) history_.back().T_odom_lidar = T_odom_lidar;
+}
+
+void remove_points(const std::vector<RemovalReason>& reasons, DeskewedScan* scan) {
+  if (reasons.empty()) return;
+  std::uint32_t kept = 0;
+  std::uint32_t i = 0;
+  for (std::size_t ring = 0; ring < scan->ring_count(); ++ring) {
+    const std::uint32_t end = scan->ring_begin[ring + 1];
+    scan->ring_begin[ring] = kept;
+    for (; i < end; ++i) {
+      if (reasons[i] != RemovalReason::kNone) {
+        scan->removed.push_back(scan->points[i]);
+        scan->removal_reasons.push_back(reasons[i]);
+        continue;
+      }
+      scan->points[kept] = scan->points[i];
+      for (std::vector<float>* values :
+           {&scan->intensity_level, &scan->intensity_gradient, &scan->gradient_stability}) {
+        if (!values->empty()) (*values)[kept] = (*values)[i];
+      }
+      ++kept;
+    }
+  }
+  if (!scan->ring_begin.empty()) scan->ring_begin.back() = kept;
+  scan->points.resize(kept);
+  for (std::vector<float>* values :
+       {&scan->intensity_level, &scan->intensity_gradient, &scan->gradient_stability}) {
+    if (!values->empty()) values->resize(kept);
+  }
+}
+
+}  // namespace fdi_lio::scan
