@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iostream>
 #include <utility>
 
 #include <sensor_msgs/PointCloud2.h>
@@ -38,6 +39,15 @@ void keep(const Message& message, std::deque<Message>* queue) {
   if (!queue->empty() && message->header.stamp < queue->back()->header.stamp) queue->clear();
   queue->push_back(message);
   if (queue->size() > kQueue) queue->pop_front();
+}
+
+/// Says something that matters also at the end of the process, when the log is closed already.
+void tell(ros::console::levels::Level level, const std::string& text) {
+  if (ros::ok()) {
+    ROS_LOG(level, ROSCONSOLE_DEFAULT_NAME, "%s", text.c_str());
+  } else {
+    std::cerr << "mapping_optimization: " << text << std::endl;
+  }
 }
 
 geometry_msgs::Pose to_pose(const Eigen::Isometry3d& T) {
@@ -83,7 +93,7 @@ MappingOptimization::~MappingOptimization() {
   try {
     end_recording();
   } catch (const Error& error) {
-    NODELET_ERROR("%s", error.what());
+    tell(ros::console::levels::Error, error.what());
   }
 }
 
@@ -111,7 +121,8 @@ void MappingOptimization::end_recording() {
   const double data_s = previous_scan_ ? seconds_between(first_scan_, *previous_scan_) : 0.0;
   directory_->write_timing(times_, seconds_since(began_), data_s);
   directory_->write_warnings(*reporter());
-  NODELET_INFO("%zu scans; results in %s", directory_->scans(), directory_->path().c_str());
+  tell(ros::console::levels::Info,
+       std::to_string(directory_->scans()) + " scans; results in " + directory_->path().string());
   directory_.reset();
 }
 

@@ -120,6 +120,7 @@ class Nodes(unittest.TestCase):
         launch = self.play("processes")
         text = launch.wait()
         self.assertIn("recording has ended", text)
+        self.assertRegex(text, r"\d+ scans; results in")
         self.expect_same_as_offline("processes")
 
     def test_five_nodelets_compute_what_one_process_does(self):
