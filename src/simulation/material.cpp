@@ -32,9 +32,15 @@ float bricks(const Material& m, float u, float v) {
   return m.reflectivity * (1.0f + m.contrast * tone);
 }
 
+/// Slabs of one batch differ little; dirt and wear pass over several of them, and one in 30 was replaced.
 float slabs(const Material& m, float u, float v) {
   constexpr float kJoint = 0.015f;
-  const float tone = 2.0f * cell_noise(cell(u, m.scale_m), cell(v, m.scale_m), m.seed) - 1.0f;
+  constexpr float kStainM = 2.5f;
+  const int i = cell(u, m.scale_m), j = cell(v, m.scale_m);
+  const float own = 2.0f * cell_noise(i, j, m.seed) - 1.0f;
+  const float stain = 2.0f * fractal_noise(u / kStainM, v / kStainM, 3, m.seed + 1) - 1.0f;
+  const bool replaced = cell_noise(i, j, m.seed + 2) > 0.967f;
+  const float tone = replaced ? own : 0.25f * own + 0.75f * stain;
   const bool joint = wrap(u, m.scale_m) < kJoint || wrap(v, m.scale_m) < kJoint;
   return (joint ? 0.5f : 1.0f) * m.reflectivity * (1.0f + m.contrast * tone);
 }
