@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <unordered_set>
 
 #include "fdi_lio/common/parallel.hpp"
 
@@ -70,8 +71,31 @@ class ObjectGrower {
     return members;
   }
 
+  /// Takes the neighbours of `from` that `accept` into `members`.
   template <typename Accept>
   void visit_neighbours(std::size_t from, const Accept& accept, std::vector<std::size_t>* members) {
+    for_touching(from, [&](std::size_t other) {
+      if (taken_[other] != 0 || !accept(other)) return;
+      taken_[other] = 1;
+      members->push_back(other);
+    });
+  }
+
+  /// Number of cells that `accept` and that touch one of `members`.
+  template <typename Accept>
+  std::size_t count_touching(const std::vector<std::size_t>& members, const Accept& accept) const {
+    std::unordered_set<std::size_t> found;
+    for (const std::size_t from : members) {
+      for_touching(from, [&](std::size_t other) {
+        if (accept(other)) found.insert(other);
+      });
+    }
+    return found.size();
+  }
+
+ private:
+  template <typename Visit>
+  void for_touching(std::size_t from, const Visit& visit) const {
     const auto columns = static_cast<std::size_t>(columns_);
     const int ring = static_cast<int>(from / columns);
     const int column = static_cast<int>(from % columns);
@@ -82,16 +106,13 @@ class ObjectGrower {
       if (ring + dr < 0 || ring + dr >= image_.rings()) continue;
       for (int dc = -2; dc <= 2; ++dc) {
         const std::size_t other = cell(ring + dr, column + dc);
-        if (taken_[other] != 0 || !accept(other)) continue;
         const std::uint32_t j = point_of(other);
-        if (j == RangeImage::kNone || (scan_.points[j].position - p).squaredNorm() > reach * reach) continue;
-        taken_[other] = 1;
-        members->push_back(other);
+        if (other == from || j == RangeImage::kNone) continue;
+        if ((scan_.points[j].position - p).squaredNorm() <= reach * reach) visit(other);
       }
     }
   }
 
- private:
   const DeskewedScan& scan_;
   const RangeImage& image_;
   const DynamicConfig& config_;
@@ -162,12 +183,11 @@ std::vector<const DynamicFilter::Past*> DynamicFilter::chosen_past(Stamp now) co
   return chosen;
 }
 
-DynamicFilter::Evidence DynamicFilter::weigh(const Eigen::Vector3f& point, const RangeImage& image,
+DynamicFilter::Evidence DynamicFilter::weigh(const Eigen::Vector3f& point,
                                              const std::vector<const Past*>& past,
                                              const std::vector<Eigen::Isometry3f>& T_past_now) const {
   int free = 0;
   int fixed = 0;
-  int vacated = 0;
   for (std::size_t k = 0; k < past.size(); ++k) {
     const Eigen::Vector3f then = T_past_now[k] * point;
     const RangeImage::Direction direction = past[k]->image.look_at(then);
@@ -181,18 +201,10 @@ DynamicFilter::Evidence DynamicFilter::weigh(const Eigen::Vector3f& point, const
       ++free;
     } else if (seen.centre > 0.0F && std::abs(seen.centre - range) <= 0.5F * margin) {
       ++fixed;
-    } else if (seen.centre > 0.0F && seen.centre < range - margin) {
-      // What hid the place: is it still there?
-      const Eigen::Vector3f hider = T_past_now[k].inverse() * Eigen::Vector3f(then * (seen.centre / range));
-      const RangeImage::Direction now = image.look_at(hider);
-      if (!now.is_inside) continue;
-      const Surroundings there = surroundings(image, now);
-      if (there.filled >= kLeastCells && there.nearest > now.range_m + margin) ++vacated;
     }
   }
   if (fixed > 0 && fixed >= free) return Evidence::kStatic;
   if (free > 0) return Evidence::kFree;
-  if (vacated >= 2) return Evidence::kVacated;
   return Evidence::kUnknown;
 }
 
@@ -212,26 +224,26 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
   parallel_chunks(rings, 4, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t at = begin * columns; at < end * columns; ++at) {
       const std::uint32_t i = grower.point_of(at);
-      if (i != RangeImage::kNone) evidence[at] = weigh(scan.points[i].position, image, past, T_past_now);
+      if (i != RangeImage::kNone) evidence[at] = weigh(scan.points[i].position, past, T_past_now);
     }
   });
 
   std::vector<RemovalReason> of_cell(rings * columns, RemovalReason::kNone);
-  const auto is_seed = [&evidence](std::size_t at) {
-    return evidence[at] == Evidence::kFree || evidence[at] == Evidence::kVacated;
+  const auto is = [&evidence](Evidence wanted) {
+    return [&evidence, wanted](std::size_t at) { return evidence[at] == wanted; };
   };
-  const auto is_unknown = [&evidence](std::size_t at) { return evidence[at] == Evidence::kUnknown; };
   for (std::size_t seed = 0; seed < evidence.size(); ++seed) {
-    if (!is_seed(seed)) continue;
-    const std::vector<std::size_t> core = grower.grow(seed, is_seed);
+    if (evidence[seed] != Evidence::kFree) continue;
+    const std::vector<std::size_t> core = grower.grow(seed, is(Evidence::kFree));
     if (core.size() < static_cast<std::size_t>(config_.min_object_points)) continue;
+    const std::size_t fixed = grower.count_touching(core, is(Evidence::kStatic));
+    if (static_cast<double>(fixed) > config_.max_static_share * static_cast<double>(core.size() + fixed))
+      continue;
     std::vector<std::size_t> members = core;
-    for (std::size_t next = 0; next < members.size() && members.size() < 4 * core.size(); ++next)
-      grower.visit_neighbours(members[next], is_unknown, &members);
+    for (const std::size_t from : core) grower.visit_neighbours(from, is(Evidence::kUnknown), &members);
     for (const std::size_t at : members) {
-      of_cell[at] = evidence[at] == Evidence::kFree      ? RemovalReason::kFreeSpace
-                    : evidence[at] == Evidence::kVacated ? RemovalReason::kVacated
-                                                         : RemovalReason::kPartOfObject;
+      of_cell[at] =
+          evidence[at] == Evidence::kFree ? RemovalReason::kFreeSpace : RemovalReason::kPartOfObject;
     }
   }
   const auto touch = static_cast<float>(config_.touch_distance_m);

@@ -58,6 +58,9 @@ void DynamicConfig::visit(ParameterVisitor& v) {
   v.real({"dynamic.touch_share", "", "and farther by this share of the range"}, touch_share, 0.0, 0.5);
   v.integer({"dynamic.min_object_points", "", "smaller moving objects are taken for noise"},
             min_object_points, 1, 1000);
+  v.real({"dynamic.max_static_share", "",
+          "objects with more static points among those that they touch are taken for leaves and wires"},
+         max_static_share, 0.0, 1.0);
 }
 
 }  // namespace fdi_lio::scan

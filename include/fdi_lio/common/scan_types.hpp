@@ -46,8 +46,7 @@ enum class RemovalReason : std::uint8_t {
   kNone = 0,
   kCriterion = 1,     ///< plain criterion: intensity gradient and range jump
   kFreeSpace = 2,     ///< earlier scans saw through its place
-  kVacated = 3,       ///< what hid its place earlier has moved away
-  kPartOfObject = 4,  ///< touches points with one of the reasons above
+  kPartOfObject = 3,  ///< touches points whose place was free
 };
 
 /// A sweep moved to one instant, ordered ring by ring and by azimuth within each ring.

@@ -24,12 +24,10 @@ namespace fdi_lio::scan {
 /// scans:
 ///   free      all nine cells about its direction saw farther: what is there now was not there then;
 ///   static    the cell saw a surface at the same place;
-///   vacated   something nearer hid the place then, and the present scan sees through where that was: what
-///   hid
-///             it has moved, and this is probably it (an object that drives away);
-///   unknown   none of these.
-/// Free and vacated points are the seeds. Seeds that touch form an object, which takes in the unknown points
-/// that touch it; an object of too few points is dropped.
+///   unknown   neither, as when something nearer hid the place.
+/// Free points that touch form an object. It is dropped when it has too few points, or when it touches too
+/// many static points (leaves, wires, fences: now seen, now missed); else it takes in the unknown points that
+/// touch it.
 class DynamicFilter {
  public:
   explicit DynamicFilter(const DynamicConfig& config) : config_(config) {}
@@ -49,13 +47,13 @@ class DynamicFilter {
     RangeImage image;
     Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
   };
-  enum class Evidence : std::uint8_t { kNone, kUnknown, kStatic, kFree, kVacated };
+  enum class Evidence : std::uint8_t { kNone, kUnknown, kStatic, kFree };
 
   std::vector<RemovalReason> plain(const DeskewedScan& scan, const RangeImage& image) const;
   std::vector<RemovalReason> full(const DeskewedScan& scan, const RangeImage& image,
                                   const Eigen::Isometry3d& T_odom_lidar) const;
   std::vector<const Past*> chosen_past(Stamp now) const;
-  Evidence weigh(const Eigen::Vector3f& point, const RangeImage& image, const std::vector<const Past*>& past,
+  Evidence weigh(const Eigen::Vector3f& point, const std::vector<const Past*>& past,
                  const std::vector<Eigen::Isometry3f>& T_past_now) const;
   void remember(const DeskewedScan& scan, const RangeImage& image, const Eigen::Isometry3d& T_odom_lidar);
 

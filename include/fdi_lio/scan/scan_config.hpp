@@ -47,6 +47,7 @@ struct DynamicConfig {
   double touch_distance_m = 0.3;
   double touch_share = 0.01;
   int min_object_points = 5;
+  double max_static_share = 0.5;
 
   void visit(ParameterVisitor& visitor);
 };
