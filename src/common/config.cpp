@@ -210,6 +210,7 @@ void Config::visit(ParameterVisitor& v) {
   mapping.visit(v);
   degeneracy.visit(v);
   loop.visit(v);
+  gnss.visit(v);
   nodes.visit(v);
   check.visit(v);
   v.integer({"threads", "", "threads of one process; the result does not depend on it"}, threads, 1, 64);

@@ -33,10 +33,8 @@ void visit_verification(LoopConfig& c, ParameterVisitor& v) {
   v.real({"loop.source_voxel", "m", "voxel of the points that are registered"}, c.source_voxel_m, 0.05, 5.0);
   v.real({"loop.min_overlap", "", "share of the points that must lie near the submap's surfaces"},
          c.min_overlap, 0.0, 1.0);
-  v.real({"loop.min_inlier_share", "", "share of the overlapping points that must lie on the surfaces"},
-         c.min_inlier_share, 0.0, 1.0);
-  v.real({"loop.inlier_distance", "m", "points that deviate less lie on the surface"}, c.inlier_distance_m,
-         0.01, 5.0);
+  v.real({"loop.min_wall_share", "", "share of the scan's walls that must lie on walls of the submap"},
+         c.min_wall_share, 0.0, 1.0);
   v.real({"loop.max_residual", "m", "largest root mean square of the inliers' distances"}, c.max_residual_m,
          0.001, 5.0);
   v.real({"loop.min_intensity_correlation", "", "between the points and the submap; -1: no test"},
@@ -67,6 +65,8 @@ void visit_noise(LoopConfig& c, ParameterVisitor& v) {
          c.odometry_sigma_rotation_deg, 1e-5, 10.0);
   v.integer({"loop.cloud_memory", "MB", "keyframe clouds beyond this are kept on disk only"},
             c.cloud_memory_mb, 1, 1000000);
+  v.flag({"loop.save_session", "", "offline_slam also writes OUTPUT/session, with all keyframe clouds"},
+         c.save_session);
 }
 
 }  // namespace
@@ -75,6 +75,25 @@ void LoopConfig::visit(ParameterVisitor& v) {
   visit_search(*this, v);
   visit_verification(*this, v);
   visit_noise(*this, v);
+}
+
+void GnssConfig::visit(ParameterVisitor& v) {
+  v.flag({"gnss.enabled", "", "use the fixes of sensor.gnss_topic for the corrected poses"}, enabled);
+  v.vector3({"gnss.antenna", "m", "lever arm: the antenna in the IMU frame"}, p_imu_antenna);
+  v.real({"gnss.min_sigma", "m", "fixes count as no better, whatever their covariance says"}, min_sigma_m,
+         0.01, 100.0);
+  v.real({"gnss.default_sigma", "m", "for fixes whose covariance is unknown"}, default_sigma_m, 0.01, 1000.0);
+  v.real({"gnss.max_sigma", "m", "worse fixes are rejected"}, max_sigma_m, 0.1, 10000.0);
+  v.real({"gnss.align_distance", "m", "extent of the fixes that the heading of the map is found from"},
+         align_distance_m, 1.0, 10000.0);
+  v.integer({"gnss.align_fixes", "", "least number of fixes that the heading of the map is found from"},
+            align_fixes, 3, 10000);
+  v.real({"gnss.align_inliers", "", "share of these fixes that must agree"}, align_inliers, 0.3, 1.0);
+  v.real({"gnss.max_deviation", "",
+          "fixes that deviate by more standard deviations (of fix and drift) are outliers"},
+         max_deviation, 1.0, 100.0);
+  v.flag({"gnss.use_altitude", "", "use the altitude too"}, use_altitude);
+  v.integer({"gnss.solve_every", "", "accepted fixes between two optimisations"}, solve_every, 1, 10000);
 }
 
 }  // namespace fdi_lio::mapping

@@ -4,7 +4,7 @@ namespace fdi_lio::mapping {
 
 const char* to_text(LoopVerdict verdict) {
   static constexpr const char* kTexts[] = {
-      "accepted",       "low_overlap",         "low_inliers",  "high_residual", "intensity_disagrees",
+      "accepted",       "low_overlap",         "few_walls",    "high_residual", "intensity_disagrees",
       "no_information", "far_from_prediction", "inconsistent", "unconfirmed",   "pending"};
   return kTexts[static_cast<int>(verdict)];
 }

@@ -18,6 +18,7 @@ constexpr int kWideIterations = 6;
 constexpr double kStartResidualM = 2.0;
 constexpr double kEndResidualM = 0.3;
 constexpr std::size_t kMinMatches = 100;
+constexpr std::size_t kRefinedScorePoints = 3000;
 constexpr double kConvergedM = 1e-4;
 
 /// The grid of starts about the prediction: its step is what the coarsest cells still attract.
@@ -26,17 +27,22 @@ constexpr double kMinSearchM = 1.0;
 constexpr double kMaxSearchM = 8.0;
 constexpr double kYawStepRad = 0.05;
 constexpr double kMaxYawSearchRad = 0.15;
-constexpr std::size_t kScorePoints = 800;
+constexpr std::size_t kScorePoints = 400;
 constexpr std::size_t kStarts = 4;
 /// Two results that are nearer to each other are the same.
 constexpr double kSameResultM = 0.7;
 /// A surface whose normal points up more is ground: it fits everywhere.
 constexpr double kMaxWallNormalZ = 0.7;
+/// Least |cosine| between the normals of the same wall seen twice.
+constexpr double kMinNormalCosine = 0.8;
+constexpr std::size_t kMinWallPoints = 50;
 constexpr double kOverlapDistanceM = 0.8;
 /// Metres that one radian counts, when directions of turning and shifting are compared.
 constexpr double kCharacteristicLengthM = 10.0;
 /// Deviation of a direction about which the registration says nothing.
 constexpr double kUnknownSigmaM = 100.0;
+/// Deviation towards a result that is about as good, in distances to it.
+constexpr double kAmbiguousSigmas = 5.0;
 
 Eigen::Isometry3d moved(const Eigen::Isometry3d& T, const Vector6d& delta) {
   Eigen::Isometry3d result = T;
@@ -56,11 +62,16 @@ Vector6d difference(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to) 
 
 /// Both sides of a registration.
 struct LoopVerifier::Scene {
+  struct WallPoint {
+    Eigen::Vector3d position;
+    Eigen::Vector3d normal;
+  };
+
   VoxelMap planes;
   VoxelMap edges;
   std::vector<Point> source_planes;
+  std::vector<WallPoint> walls;  ///< of the source, with a normal of its own
   MatchInput input;
-  std::vector<Eigen::Vector3d> score_points;
 };
 
 struct LoopVerifier::Solution {
@@ -78,9 +89,8 @@ LoopVerifier::LoopVerifier(const Config& config) : config_(config.loop), matcher
   edge_map_config_.max_thickness_m = config.mapping.line_max_thickness_m;
 }
 
-LoopCandidate LoopVerifier::verify(const std::vector<PlacedCloud>& target,
-                                   const std::vector<PlacedCloud>& source,
-                                   const RegistrationStart& start) const {
+LoopVerifier::Scene LoopVerifier::make_scene(const std::vector<PlacedCloud>& target,
+                                             const std::vector<PlacedCloud>& source) const {
   Scene scene{VoxelMap(plane_map_config_), VoxelMap(edge_map_config_), {}, {}, {}};
   const auto insert = [](const std::vector<Point>& points, const Eigen::Isometry3d& T, VoxelMap* map) {
     std::vector<Eigen::Vector3d> positions;
@@ -97,18 +107,28 @@ LoopCandidate LoopVerifier::verify(const std::vector<PlacedCloud>& target,
   }
   MapBuilder planes(config_.source_voxel_m);
   MapBuilder edges(0.5 * config_.source_voxel_m);
+  VoxelMap source_map(plane_map_config_);
   for (const PlacedCloud& placed : source) {
     planes.add(placed.cloud->planes, placed.T_submap_imu);
     edges.add(placed.cloud->edges, placed.T_submap_imu);
+    insert(placed.cloud->planes, placed.T_submap_imu, &source_map);
   }
   scene.source_planes = planes.points();
-  for (const Point& point : scene.source_planes) scene.input.planes.push_back(point.position.cast<double>());
+  for (const Point& point : scene.source_planes) {
+    const Eigen::Vector3d position = point.position.cast<double>();
+    scene.input.planes.push_back(position);
+    const Cell* cell = source_map.find_plane(position, false);
+    if (cell != nullptr && std::abs(cell->axes(2, 0)) <= kMaxWallNormalZ)
+      scene.walls.push_back({position, cell->axes.col(0)});
+  }
   for (const Point& point : edges.points()) scene.input.edges.push_back(point.position.cast<double>());
-  const std::size_t count = scene.input.planes.size();
-  const std::size_t wanted = std::min(count, kScorePoints);
-  for (std::size_t k = 0; k < wanted; ++k)
-    scene.score_points.push_back(scene.input.planes[k * count / wanted]);
+  return scene;
+}
 
+LoopCandidate LoopVerifier::verify(const std::vector<PlacedCloud>& target,
+                                   const std::vector<PlacedCloud>& source,
+                                   const RegistrationStart& start) const {
+  const Scene scene = make_scene(target, source);
   std::vector<Solution> solutions;
   for (const Eigen::Isometry3d& T : search(scene, start)) solutions.push_back(refine(scene, T, start));
   const auto best = std::max_element(solutions.begin(), solutions.end(),
@@ -116,28 +136,38 @@ LoopCandidate LoopVerifier::verify(const std::vector<PlacedCloud>& target,
   std::vector<Eigen::Vector3d> alternatives;
   for (const Solution& other : solutions) {
     const Eigen::Vector3d apart = other.T.translation() - best->T.translation();
+    const Eigen::Vector3d moved_by = other.T.translation() - start.T_from_to.translation();
+    if (moved_by.norm() > 3.5 * start.sigma_translation_m) continue;
     if (apart.norm() > kSameResultM && other.score > config_.ambiguity * best->score)
       alternatives.push_back(apart);
   }
   LoopCandidate candidate;
   candidate.measured.T_from_to = best->T;
+  candidate.wall_points = scene.walls.size();
+  candidate.wall_share = best->score;
   measure(scene, best->T, &candidate);
   set_information(*best, alternatives, &candidate);
   candidate.verdict = judge(candidate);
   return candidate;
 }
 
-/// Share of the points that lie on a wall of the map. The ground is left out, for it fits everywhere.
-double LoopVerifier::wall_score(const Scene& scene, const Eigen::Isometry3d& T) const {
+/// Share of (at most `limit`) wall points of the source that lie on a wall of the map with the same normal;
+/// nearer ones count more. The ground is left out, for it fits everywhere.
+double LoopVerifier::wall_score(const Scene& scene, const Eigen::Isometry3d& T, std::size_t limit,
+                                double distance_m) const {
+  const std::size_t count = scene.walls.size();
+  const std::size_t taken = std::min(count, limit);
+  const Eigen::Matrix3d R = T.linear();
   double sum = 0.0;
-  for (const Eigen::Vector3d& point : scene.score_points) {
-    const Eigen::Vector3d p = T * point;
+  for (std::size_t k = 0; k < taken; ++k) {
+    const Scene::WallPoint& wall = scene.walls[k * count / taken];
+    const Eigen::Vector3d p = T * wall.position;
     const Cell* cell = scene.planes.find_plane(p, false);
-    if (cell == nullptr || std::abs(cell->axes(2, 0)) > kMaxWallNormalZ) continue;
+    if (cell == nullptr || std::abs(cell->axes.col(0).dot(R * wall.normal)) < kMinNormalCosine) continue;
     const double residual = cell->axes.col(0).dot(p - cell->mean);
-    sum += std::max(0.0, 1.0 - std::abs(residual) / kEndResidualM);
+    sum += std::max(0.0, 1.0 - std::abs(residual) / distance_m);
   }
-  return scene.score_points.empty() ? 0.0 : sum / static_cast<double>(scene.score_points.size());
+  return taken == 0 ? 0.0 : sum / static_cast<double>(taken);
 }
 
 /// The prediction and the best places of a grid about it.
@@ -158,7 +188,7 @@ std::vector<Eigen::Isometry3d> LoopVerifier::search(const Scene& scene,
         Eigen::Isometry3d T = start.T_from_to;
         T.linear() = Eigen::AngleAxisd(yaw * kYawStepRad, Eigen::Vector3d::UnitZ()) * T.linear();
         T.translation() += kGridStepM * Eigen::Vector3d(x, y, 0.0);
-        places.push_back({wall_score(scene, T), T});
+        places.push_back({wall_score(scene, T, kScorePoints, 2.0 * kEndResidualM), T});
       }
     }
   }
@@ -198,7 +228,7 @@ LoopVerifier::Solution LoopVerifier::refine(const Scene& scene, const Eigen::Iso
     solution.T = moved(solution.T, step);
     if (!settings.wide && step.norm() < kConvergedM) break;
   }
-  solution.score = wall_score(scene, solution.T);
+  solution.score = wall_score(scene, solution.T, kRefinedScorePoints, kEndResidualM);
   return solution;
 }
 
@@ -214,7 +244,7 @@ void LoopVerifier::measure(const Scene& scene, const Eigen::Isometry3d& T, LoopC
     const double residual = cell->axes.col(0).dot(p - cell->mean);
     if (std::abs(residual) > kOverlapDistanceM) continue;
     ++near;
-    if (std::abs(residual) > config_.inlier_distance_m) continue;
+    if (std::abs(residual) > kEndResidualM) continue;
     ++inliers;
     squared += residual * residual;
     const double a = std::log1p(std::max(0.0F, point.intensity));
@@ -228,7 +258,6 @@ void LoopVerifier::measure(const Scene& scene, const Eigen::Isometry3d& T, LoopC
   if (inliers == 0) return;
   const double n = static_cast<double>(inliers);
   candidate->overlap = static_cast<double>(near) / static_cast<double>(scene.source_planes.size());
-  candidate->inlier_share = n / static_cast<double>(near);
   candidate->residual_m = std::sqrt(squared / n);
   const double variance_a = sums[2] / n - sums[0] * sums[0] / (n * n);
   const double variance_b = sums[3] / n - sums[1] * sums[1] / (n * n);
@@ -264,7 +293,7 @@ void LoopVerifier::set_information(const Solution& best, const std::vector<Eigen
   covariance.diagonal().head<3>().array() += sigma_rotation * sigma_rotation;
   covariance.diagonal().tail<3>().array() += config_.sigma_translation_m * config_.sigma_translation_m;
   for (const Eigen::Vector3d& apart : alternatives) {
-    const Eigen::Vector3d along = kUnknownSigmaM * apart.normalized();
+    const Eigen::Vector3d along = kAmbiguousSigmas * apart;
     covariance.bottomRightCorner<3, 3>() += along * along.transpose();
   }
   if (!alternatives.empty()) ++candidate->weak_directions;
@@ -274,7 +303,8 @@ void LoopVerifier::set_information(const Solution& best, const std::vector<Eigen
 
 LoopVerdict LoopVerifier::judge(const LoopCandidate& candidate) const {
   if (candidate.overlap < config_.min_overlap) return LoopVerdict::kLowOverlap;
-  if (candidate.inlier_share < config_.min_inlier_share) return LoopVerdict::kLowInliers;
+  if (candidate.wall_points < kMinWallPoints) return LoopVerdict::kNoInformation;
+  if (candidate.wall_share < config_.min_wall_share) return LoopVerdict::kFewWalls;
   if (candidate.residual_m > config_.max_residual_m) return LoopVerdict::kHighResidual;
   if (candidate.intensity_correlation < config_.min_intensity_correlation)
     return LoopVerdict::kIntensityDisagrees;

@@ -150,6 +150,7 @@ struct Config {
   MappingConfig mapping;
   degeneracy::DegeneracyConfig degeneracy;
   mapping::LoopConfig loop;
+  mapping::GnssConfig gnss;
   NodeConfig nodes;
   CheckConfig check;
   int threads = 2;

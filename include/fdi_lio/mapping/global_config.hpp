@@ -22,12 +22,11 @@ struct LoopConfig {
   int submap_keyframes = 16;
   double source_voxel_m = 0.5;
   double min_overlap = 0.5;
-  double min_inlier_share = 0.7;
-  double inlier_distance_m = 0.2;
+  double min_wall_share = 0.4;
   double max_residual_m = 0.1;
   double min_intensity_correlation = 0.0;
   double weak_share = 0.01;
-  double ambiguity = 0.93;
+  double ambiguity = 0.85;
   double sigma_translation_m = 0.05;
   double sigma_rotation_deg = 0.1;
   double confirm_above_m = 2.0;
@@ -35,6 +34,24 @@ struct LoopConfig {
   double odometry_sigma_rotation_deg = 0.01;
   double max_chi_square = 16.8;
   int cloud_memory_mb = 1000;
+  bool save_session = false;
+
+  void visit(ParameterVisitor& visitor);
+};
+
+/// GNSS fixes in the pose graph.
+struct GnssConfig {
+  bool enabled = false;
+  Eigen::Vector3d p_imu_antenna = Eigen::Vector3d::Zero();
+  double min_sigma_m = 1.0;
+  double default_sigma_m = 3.0;
+  double max_sigma_m = 20.0;
+  double align_distance_m = 40.0;
+  int align_fixes = 15;
+  double align_inliers = 0.7;
+  double max_deviation = 3.5;
+  bool use_altitude = false;
+  int solve_every = 10;
 
   void visit(ParameterVisitor& visitor);
 };

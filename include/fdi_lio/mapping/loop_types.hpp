@@ -12,7 +12,7 @@ namespace fdi_lio::mapping {
 enum class LoopVerdict {
   kAccepted,
   kLowOverlap,          ///< too little of the scan lies where the map has something
-  kLowInliers,          ///< too much of what overlaps lies off the map's surfaces
+  kFewWalls,            ///< too few of the scan's walls are where the map has one
   kHighResidual,        ///< the matched points deviate too much
   kIntensityDisagrees,  ///< bright is where dark was
   kNoInformation,       ///< no direction is determined: nothing to add
@@ -38,7 +38,8 @@ struct LoopCandidate {
   RelativePose measured;                   ///< from the earlier keyframe to the later one
   Matrix6d covariance = Matrix6d::Zero();  ///< of `measured`; weak directions are large, not left out
   double overlap = 0.0;                    ///< share of the scan that lies near the map's surfaces
-  double inlier_share = 0.0;               ///< of what overlaps
+  std::size_t wall_points = 0;             ///< points of the scan on surfaces that are no ground
+  double wall_share = 0.0;                 ///< of these, on walls of the map, weighted by their nearness
   double residual_m = 0.0;                 ///< root mean square of the inliers' plane distances
   double intensity_correlation = 0.0;      ///< between the scan and the map
   double chi_square = 0.0;                 ///< deviation from the prediction, 6 degrees of freedom

@@ -24,7 +24,6 @@ struct RegistrationStart {
   Eigen::Isometry3d T_from_to = Eigen::Isometry3d::Identity();
   double sigma_translation_m = 0.0;
   double sigma_rotation_rad = 0.0;
-  bool limits_result = true;  ///< the start is a prediction that the result may not contradict
 };
 
 /// Registers keyframes against a submap of earlier ones and says what is known afterwards.
@@ -43,7 +42,9 @@ class LoopVerifier {
   struct Solution;
 
   Solution refine(const Scene& scene, const Eigen::Isometry3d& T_start, const RegistrationStart& start) const;
-  double wall_score(const Scene& scene, const Eigen::Isometry3d& T) const;
+  Scene make_scene(const std::vector<PlacedCloud>& target, const std::vector<PlacedCloud>& source) const;
+  double wall_score(const Scene& scene, const Eigen::Isometry3d& T, std::size_t limit,
+                    double distance_m) const;
   std::vector<Eigen::Isometry3d> search(const Scene& scene, const RegistrationStart& start) const;
   void measure(const Scene& scene, const Eigen::Isometry3d& T, LoopCandidate* candidate) const;
   void set_information(const Solution& best, const std::vector<Eigen::Vector3d>& alternatives,
