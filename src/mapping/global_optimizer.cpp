@@ -18,6 +18,11 @@ constexpr double kDegree = M_PI / 180.0;
 /// Uncertainty of a relative pose that no drift has widened.
 constexpr double kBaseSigmaM = 0.1;
 constexpr double kBaseSigmaRad = 0.5 * kDegree;
+/// Squared normalised residual at which a loop is half taken. Wider than chi-square, for loops are verified
+/// before, and the odometry may drift more steadily than its random walk says.
+constexpr double kLoopScaleSq = 100.0;
+/// A loop that the graph takes with less weight contradicts the others.
+constexpr double kMinLoopWeight = 0.25;
 /// How long a loop waits for a second one that agrees.
 constexpr double kConfirmationPathM = 60.0;
 /// Way before the later keyframe whose scans are registered together with it.
@@ -41,6 +46,12 @@ Matrix6d isotropic(double sigma_rad, double sigma_m) {
   return covariance;
 }
 
+PoseGraphSettings graph_settings() {
+  PoseGraphSettings settings;
+  settings.loop_scale_sq = kLoopScaleSq;
+  return settings;
+}
+
 std::vector<Point> moved(const std::vector<Point>& points, const Eigen::Isometry3f& T) {
   std::vector<Point> result = points;
   for (Point& point : result) point.position = T * point.position;
@@ -62,7 +73,7 @@ class GlobalOptimizer::Implementation {
   Implementation(const Config& config, Reporter* reporter)
       : config_(config.loop),
         reporter_(reporter),
-        graph_(PoseGraphSettings()),
+        graph_(graph_settings()),
         store_(static_cast<std::size_t>(config.loop.cloud_memory_mb) << 20),
         detector_(config.loop),
         verifier_(config),
@@ -112,7 +123,7 @@ class GlobalOptimizer::Implementation {
   std::vector<PlacedCloud> submap(std::size_t center, double before_m, double after_m, std::size_t limit);
   void decide(std::size_t index);
   bool agree(const LoopCandidate& a, const LoopCandidate& b) const;
-  void accept(std::size_t index);
+  void accept(const std::vector<std::size_t>& indices);
   void expire_pending();
   void use_fixes();
   void use_fix(const GnssFix& fix);
@@ -285,21 +296,30 @@ void GlobalOptimizer::Implementation::decide(std::size_t index) {
     candidate.verdict = LoopVerdict::kFarFromPrediction;
     return;
   }
-  if (drift_m() <= config_.confirm_above_m) {
-    accept(index);
-  } else {
+  std::vector<std::size_t> accepted = {index};
+  if (drift_m() > config_.confirm_above_m) {
     const auto agreeing = std::find_if(pending_.begin(), pending_.end(),
                                        [&](std::size_t other) { return agree(loops_[other], candidate); });
     if (agreeing == pending_.end()) {
       pending_.push_back(index);
       return;
     }
-    accept(*agreeing);
-    accept(index);
+    accepted.push_back(*agreeing);
     pending_.erase(agreeing);
   }
+  accept(accepted);
+}
+
+/// Puts loops into the graph. Those that it does not follow contradict the others.
+void GlobalOptimizer::Implementation::accept(const std::vector<std::size_t>& indices) {
+  std::vector<std::size_t> in_graph;
+  for (const std::size_t index : indices) in_graph.push_back(graph_.add_loop(loops_[index].measured));
   solve();
-  loop_at_m_ = frames_.back().path_m;
+  for (std::size_t k = 0; k < indices.size(); ++k) {
+    const bool is_followed = graph_.loop_weight(in_graph[k]) >= kMinLoopWeight;
+    loops_[indices[k]].verdict = is_followed ? LoopVerdict::kAccepted : LoopVerdict::kInconsistent;
+    if (is_followed) loop_at_m_ = frames_.back().path_m;
+  }
 }
 
 /// Whether going round a_from -> a_to -> b_to -> b_from -> a_from leads back, given the odometry's drift
@@ -318,11 +338,6 @@ bool GlobalOptimizer::Implementation::agree(const LoopCandidate& a, const LoopCa
                                         kBaseSigmaM + config_.drift_share * way_m);
   const Vector6d error = difference(T_expected, b.measured.T_from_to);
   return error.dot(covariance.ldlt().solve(error)) <= config_.max_chi_square;
-}
-
-void GlobalOptimizer::Implementation::accept(std::size_t index) {
-  loops_[index].verdict = LoopVerdict::kAccepted;
-  graph_.add_loop(loops_[index].measured);
 }
 
 void GlobalOptimizer::Implementation::expire_pending() {

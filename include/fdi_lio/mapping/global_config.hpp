@@ -14,7 +14,7 @@ struct LoopConfig {
   double search_radius_m = 6.0;
   double max_search_radius_m = 40.0;
   double drift_share = 0.01;
-  double drift_rotation_deg_per_m = 0.01;
+  double drift_rotation_deg_per_m = 0.02;
   int descriptor_candidates = 2;
   double descriptor_max_distance = 0.35;
   double descriptor_range_m = 60.0;
@@ -31,7 +31,7 @@ struct LoopConfig {
   double sigma_rotation_deg = 0.1;
   double confirm_above_m = 2.0;
   double odometry_sigma_translation = 0.01;
-  double odometry_sigma_rotation_deg = 0.01;
+  double odometry_sigma_rotation_deg = 0.03;
   double max_chi_square = 16.8;
   int cloud_memory_mb = 1000;
   bool save_session = false;
