@@ -237,6 +237,8 @@ void Config::visit(ParameterVisitor& v) {
   features.visit(v);
   mapping.visit(v);
   degeneracy.visit(v);
+  loop.visit(v);
+  gnss.visit(v);
   nodes.visit(v);
   check.visit(v);
   v.integer({"threads", "", "threads of one process; the result does not depend on it"}, threads, 1, 64);

@@ -98,7 +98,7 @@ MappingOptimization::~MappingOptimization() {
 }
 
 void MappingOptimization::begin_recording() {
-  map_ = std::make_unique<mapping::MapBuilder>(config().mapping.output_map_voxel_m);
+  global_.reset();  // made when the extrinsics are known
   display_ = std::make_unique<mapping::MapBuilder>(config().nodes.global_map_voxel_m);
   path_ = nav_msgs::Path();
   path_.header.frame_id = config().frames.map;
@@ -117,7 +117,7 @@ void MappingOptimization::begin_recording() {
 void MappingOptimization::end_recording() {
   if (!directory_) return;
   take_keyframe_clouds();
-  directory_->write_map(*map_);
+  if (global_) directory_->write_global(global_->finish(), config().mapping.output_map_voxel_m);
   const double data_s = previous_scan_ ? seconds_between(first_scan_, *previous_scan_) : 0.0;
   directory_->write_timing(times_, seconds_since(began_), data_s);
   directory_->write_warnings(*reporter());
@@ -223,7 +223,7 @@ bool MappingOptimization::process_front() {
     output.estimate = *estimate;
     if (!previous_scan_) first_scan_ = stamp;
     previous_scan_ = stamp;
-    publish(*estimate, features->header.frame_id);
+    publish(output, features->header.frame_id);
     if (directory_) directory_->add(output);
   } catch (const Error& error) {
     reporter()->report(Severity::kError, "scan_message", error.what());
@@ -231,7 +231,8 @@ bool MappingOptimization::process_front() {
   return true;
 }
 
-void MappingOptimization::publish(const mapping::EstimateResult& estimate, const std::string& lidar_frame) {
+void MappingOptimization::publish(const pipeline::ScanOutput& output, const std::string& lidar_frame) {
+  const mapping::EstimateResult& estimate = output.estimate;
   const FrameConfig& frames = config().frames;
   status_publisher_.publish(ros_bridge::to_status_message(estimate, frames.imu));
   const EstimatorStatePtr state =
@@ -245,20 +246,29 @@ void MappingOptimization::publish(const mapping::EstimateResult& estimate, const
     T_map_odom.header.stamp = state->header.stamp + ros::Duration(kMapTransformAheadS);
     T_map_odom.header.frame_id = frames.map;
     T_map_odom.child_frame_id = frames.odom;
-    T_map_odom.transform.rotation.w = 1.0;
+    if (global_) {
+      const geometry_msgs::Pose correction = to_pose(global_->T_map_odom());
+      T_map_odom.transform.translation.x = correction.position.x;
+      T_map_odom.transform.translation.y = correction.position.y;
+      T_map_odom.transform.translation.z = correction.position.z;
+      T_map_odom.transform.rotation = correction.orientation;
+    } else {
+      T_map_odom.transform.rotation.w = 1.0;
+    }
     broadcaster_->sendTransform(T_map_odom);
   }
-  if (estimate.is_keyframe) add_keyframe(estimate);
+  if (estimate.is_keyframe) add_keyframe(estimate, output.features);
   frames_->publish_sensors(lidar_frame);
 }
 
-void MappingOptimization::add_keyframe(const mapping::EstimateResult& estimate) {
-  keyframes_.push_back(estimate.state);
+void MappingOptimization::add_keyframe(const mapping::EstimateResult& estimate, const FeatureSet& features) {
+  if (!global_) global_ = std::make_unique<mapping::GlobalWorker>(*known_);
+  keyframes_.push_back({estimate, features});
   take_keyframe_clouds();
   geometry_msgs::PoseStamped pose;
   pose.header.stamp = ros_bridge::to_ros_time(estimate.state.stamp);
   pose.header.frame_id = config().frames.map;
-  pose.pose = to_pose(estimate.state.T_odom_imu() * frames_->T_base_imu()->inverse());
+  pose.pose = to_pose(global_->T_map_odom() * estimate.state.T_odom_imu() * frames_->T_base_imu()->inverse());
   path_.header.stamp = pose.header.stamp;
   path_.poses.push_back(pose);
   if (path_.poses.size() > static_cast<std::size_t>(config().nodes.path_poses)) {
@@ -275,14 +285,18 @@ void MappingOptimization::add_keyframe(const mapping::EstimateResult& estimate) 
 
 void MappingOptimization::take_keyframe_clouds() {
   while (!keyframes_.empty()) {
-    const ros::Time stamp = ros_bridge::to_ros_time(keyframes_.front().stamp);
+    const ros::Time stamp = ros_bridge::to_ros_time(keyframes_.front().estimate.state.stamp);
     const DeskewedCloudConstPtr scan = take(&scans_, stamp);
     if (!scan && scans_.empty()) return;  // it has yet to come
     if (scan) {
       const std::vector<Point> points = ros_bridge::to_points(scan->points);
-      const Eigen::Isometry3d T_odom_lidar = keyframes_.front().T_odom_imu() * known_->sensor.T_imu_lidar();
-      map_->add(points, T_odom_lidar);
-      display_->add(points, T_odom_lidar);
+      const mapping::EstimateResult& estimate = keyframes_.front().estimate;
+      const Eigen::Isometry3d T_imu_lidar = known_->sensor.T_imu_lidar();
+      const Eigen::Isometry3d T_odom_imu = estimate.state.T_odom_imu();
+      global_->add({estimate.state.stamp, T_odom_imu, estimate.covariance,
+                    mapping::make_keyframe_cloud(points, keyframes_.front().features, T_imu_lidar,
+                                                 config().mapping.output_map_voxel_m)});
+      display_->add(points, global_->T_map_odom() * T_odom_imu * T_imu_lidar);
     }
     keyframes_.pop_front();
   }
@@ -318,6 +332,8 @@ void MappingOptimization::check_waiting() {
 void MappingOptimization::fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* status) {
   status->add("waiting scans", features_.size());
   status->add("keyframes", path_.poses.size());
+  status->add("keyframes that wait for loop search", global_ ? global_->backlog() : 0);
+  if (global_ && !global_->error().empty()) status->add("global map stopped", global_->error());
   status->add("local map voxels", estimator_ ? estimator_->map_voxel_count() : 0);
   status->add("waits for the IMU that timed out", imu_gate_->timeouts());
   status->add("waits for the degeneracy that timed out", degeneracy_gate_->timeouts());

@@ -14,6 +14,7 @@
 #include "fdi_lio/common/answer_gate.hpp"
 #include "fdi_lio/evaluation/stage_times.hpp"
 #include "fdi_lio/mapping/estimator.hpp"
+#include "fdi_lio/mapping/global_worker.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
 #include "fdi_lio/pipeline/run_directory.hpp"
 #include <fdi_lio/Degeneracy.h>
@@ -47,8 +48,8 @@ class MappingOptimization : public NodeBase {
   void end_recording();
   void begin_anew(Stamp stamp);
   void resume(const PreintegratedImu& message);
-  void publish(const mapping::EstimateResult& estimate, const std::string& lidar_frame);
-  void add_keyframe(const mapping::EstimateResult& estimate);
+  void publish(const pipeline::ScanOutput& output, const std::string& lidar_frame);
+  void add_keyframe(const mapping::EstimateResult& estimate, const FeatureSet& features);
   void take_keyframe_clouds();
   void publish_maps();
 
@@ -62,11 +63,15 @@ class MappingOptimization : public NodeBase {
   std::deque<DegeneracyConstPtr> degeneracies_;
   std::deque<PreintegratedImuConstPtr> preintegrated_;
   std::deque<DeskewedCloudConstPtr> scans_;
-  std::deque<imu::NavState> keyframes_;  ///< whose clouds have not come yet
+  struct WaitingKeyframe {
+    mapping::EstimateResult estimate;
+    FeatureSet features;
+  };
+  std::deque<WaitingKeyframe> keyframes_;  ///< whose clouds have not come yet
   SteadyClock::time_point front_since_;
 
   std::unique_ptr<pipeline::RunDirectory> directory_;
-  std::unique_ptr<mapping::MapBuilder> map_;      ///< what is saved
+  std::unique_ptr<mapping::GlobalWorker> global_;
   std::unique_ptr<mapping::MapBuilder> display_;  ///< what is shown
   evaluation::StageTimes times_;
   Stamp first_scan_ = 0;

@@ -4,6 +4,8 @@
 
 #include "fdi_lio/common/config_io.hpp"
 #include "fdi_lio/common/error.hpp"
+#include "fdi_lio/mapping/loop_file.hpp"
+#include "fdi_lio/mapping/map_builder.hpp"
 #include "fdi_lio/version.hpp"
 
 namespace fdi_lio::pipeline {
@@ -60,7 +62,7 @@ void RunDirectory::add(const ScanOutput& output) {
   odometry_.add(state.stamp, state.q_odom_imu, state.t_odom_imu);
   write_degeneracy(output);
   write_covariance(output.estimate);
-  ++scans_;
+  poses_.push_back({state.stamp, state.T_odom_imu()});
 }
 
 void RunDirectory::write_degeneracy(const ScanOutput& output) {
@@ -88,8 +90,43 @@ void RunDirectory::write_covariance(const mapping::EstimateResult& estimate) {
   check_written(covariance_, path_ / "covariance.csv");
 }
 
-void RunDirectory::write_map(const mapping::MapBuilder& map) const {
+void RunDirectory::write_global(const mapping::GlobalOptimizer& global, double map_voxel_m) const {
+  write_trajectory(global);
+  mapping::write_loops((path_ / "loops.csv").string(), global.loops());
+  write_fixes(global);
+  mapping::MapBuilder map(map_voxel_m);
+  for (std::size_t k = 0; k < global.size(); ++k) map.add(global.cloud(k)->surface, global.T_map_imu(k));
   map.write_pcd((path_ / "map.pcd").string());
+}
+
+void RunDirectory::write_trajectory(const mapping::GlobalOptimizer& global) const {
+  const std::filesystem::path path = path_ / "trajectory.tum";
+  const std::filesystem::path temporary = path.string() + ".part";
+  {
+    evaluation::TrajectoryWriter writer(temporary.string());
+    for (const StampedPose& pose : poses_) {
+      const Eigen::Isometry3d T = global.correct(pose.stamp, pose.T_odom_imu);
+      writer.add(pose.stamp, Eigen::Quaterniond(T.linear()), T.translation());
+    }
+  }
+  std::filesystem::rename(temporary, path);
+}
+
+void RunDirectory::write_fixes(const mapping::GlobalOptimizer& global) const {
+  const auto alignment = global.alignment();
+  if (global.fixes().empty()) return;
+  const std::filesystem::path path = path_ / "fixes.csv";
+  std::ofstream out = open_for_writing(path);
+  out.precision(std::numeric_limits<double>::max_digits10);
+  if (alignment) {
+    out << "# ENU <- map: yaw " << alignment->yaw_rad << " rad, translation "
+        << alignment->t_enu_map.transpose() << " m\n";
+  }
+  out << "stamp,verdict\n";
+  for (const mapping::FixResult& fix : global.fixes())
+    out << stamp_text(fix.stamp) << ',' << to_text(fix.verdict) << '\n';
+  out.flush();
+  check_written(out, path);
 }
 
 void RunDirectory::write_timing(const evaluation::StageTimes& times, double wall_s, double bag_s) const {

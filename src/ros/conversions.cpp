@@ -29,4 +29,17 @@ imu::ImuSample to_imu_sample(const sensor_msgs::Imu& message) {
   return sample;
 }
 
+mapping::GnssFix to_gnss_fix(const sensor_msgs::NavSatFix& message) {
+  mapping::GnssFix fix;
+  fix.stamp = static_cast<Stamp>(message.header.stamp.toNSec());
+  fix.status = message.status.status;
+  fix.latitude_deg = message.latitude;
+  fix.longitude_deg = message.longitude;
+  fix.altitude_m = message.altitude;
+  fix.has_covariance = message.position_covariance_type != sensor_msgs::NavSatFix::COVARIANCE_TYPE_UNKNOWN;
+  fix.covariance =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.position_covariance.data());
+  return fix;
+}
+
 }  // namespace fdi_lio::ros_bridge

@@ -10,6 +10,7 @@
 
 #include <rosbag/view.h>
 #include <sensor_msgs/Imu.h>
+#include <sensor_msgs/NavSatFix.h>
 
 #include "fdi_lio/common/error.hpp"
 #include "fdi_lio/ros/conversions.hpp"
@@ -82,6 +83,11 @@ void hand_over(const rosbag::MessageInstance& message, const SensorConfig& senso
       callbacks.on_imu(ros_bridge::to_imu_sample(*imu));
     return;
   }
+  if (message.getTopic() == sensor.gnss_topic) {
+    if (const auto fix = message.instantiate<sensor_msgs::NavSatFix>())
+      callbacks.on_fix(ros_bridge::to_gnss_fix(*fix));
+    return;
+  }
   const auto started = std::chrono::steady_clock::now();
   std::optional<Scan> scan = reader->read(message);
   callbacks.on_timing(
@@ -133,7 +139,9 @@ void BagSource::read(double start_s, double duration_s, Reporter* reporter, cons
   const ros::Time begin = origin + ros::Duration(start_s);
   const ros::Time end = duration_s > 0.0 ? begin + ros::Duration(duration_s) : ros::TIME_MAX;
   rosbag::View view;
-  const rosbag::TopicQuery topics(std::vector<std::string>{sensor_.points_topic, sensor_.imu_topic});
+  std::vector<std::string> names = {sensor_.points_topic, sensor_.imu_topic};
+  if (callbacks.on_fix) names.push_back(sensor_.gnss_topic);
+  const rosbag::TopicQuery topics(names);
   for (const auto& bag : bags_) view.addQuery(*bag, topics, begin, end);
   ros_bridge::ScanReader reader(sensor_, reporter);
   try {

@@ -12,6 +12,7 @@
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/mapping/gnss_aligner.hpp"
 
 namespace fdi_lio::tools {
 
@@ -19,6 +20,8 @@ namespace fdi_lio::tools {
 struct BagCallbacks {
   std::function<void(const imu::ImuSample&)> on_imu;
   std::function<void(Scan)> on_scan;
+  /// May be empty: then fixes are not read.
+  std::function<void(const mapping::GnssFix&)> on_fix = nullptr;
   /// Returns false to stop.
   std::function<bool(double position_s)> on_progress;
   /// Called with the stage's name and its duration in milliseconds.

@@ -23,8 +23,8 @@ const char* const kUsage =
     "usage: offline_slam --config FILE --bag FILE... --output DIR [--set key=value]... [--start S] "
     "[--duration S]\n"
     "Runs a recording through the whole system, without a roscore, as fast as the machine allows.\n"
-    "Writes DIR/{trajectory.tum, odometry.tum, map.pcd, degeneracy.csv, covariance.csv, timing.json, "
-    "run.yaml, "
+    "Writes DIR/{trajectory.tum, odometry.tum, map.pcd, loops.csv, fixes.csv, degeneracy.csv, "
+    "covariance.csv, timing.json, run.yaml, "
     "warnings.txt}.\n"
     "First compares the first seconds with the configuration, as check_bag does (--set check.enabled=false: "
     "not).\n"
@@ -57,6 +57,8 @@ int run(const fdi_lio::tools::BagOptions& options) {
   fdi_lio::tools::BagCallbacks callbacks;
   callbacks.on_imu = [&](const fdi_lio::imu::ImuSample& sample) { slam.add_imu(sample); };
   callbacks.on_scan = [&](fdi_lio::Scan scan) { slam.add_scan(std::move(scan)); };
+  if (config.gnss.enabled)
+    callbacks.on_fix = [&](const fdi_lio::mapping::GnssFix& fix) { slam.add_fix(fix); };
   callbacks.on_timing = [&](const std::string& stage, double ms) { slam.add_timing(stage, ms); };
   callbacks.on_progress = [&](double position_s) {
     read_s = position_s;

@@ -2,20 +2,28 @@
 
 #include <utility>
 
+#include "fdi_lio/mapping/session_io.hpp"
+
 namespace fdi_lio::tools {
 
 SlamRun::Part::Part(const Config& config, const std::string& output, double begin, Reporter* reporter)
     : begin_s(begin),
       directory(output, config),
-      map(config.mapping.output_map_voxel_m),
+      global(config, reporter),
       pipeline(
-          config, reporter,
-          [this, T_imu_lidar = config.sensor.T_imu_lidar()](const pipeline::ScanOutput& result) {
-            directory.add(result);
-            if (result.estimate.is_keyframe)
-              map.add(result.scan.points, result.estimate.state.T_odom_imu() * T_imu_lidar);
-          },
+          config, reporter, [this, config](const pipeline::ScanOutput& result) { add(config, result); },
           [this](const std::string& stage, double ms) { times.add(stage, ms); }) {}
+
+void SlamRun::Part::add(const Config& config, const pipeline::ScanOutput& output) {
+  directory.add(output);
+  if (!output.estimate.is_keyframe) return;
+  const auto begin = std::chrono::steady_clock::now();
+  global.add({output.estimate.state.stamp, output.estimate.state.T_odom_imu(), output.estimate.covariance,
+              mapping::make_keyframe_cloud(output.scan.points, output.features, config.sensor.T_imu_lidar(),
+                                           config.mapping.output_map_voxel_m)});
+  times.add("global",
+            std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
+}
 
 SlamRun::SlamRun(const Config& config, const std::string& output, Reporter* reporter)
     : config_(config),
@@ -54,7 +62,13 @@ void SlamRun::begin_anew() {
 
 void SlamRun::finish() {
   part_->pipeline.finish();
-  part_->directory.write_map(part_->map);
+  part_->global.finish();
+  part_->directory.write_global(part_->global, config_.mapping.output_map_voxel_m);
+  if (config_.loop.save_session) {
+    const std::string session = (part_->directory.path() / "session").string();
+    mapping::save_session(part_->global, config_.mapping.output_map_voxel_m,
+                          mapping::free_session_path(session));
+  }
   const double wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - part_->began).count();
   part_->directory.write_timing(part_->times, wall_s, position_s_ - part_->begin_s);

@@ -10,7 +10,7 @@
 #include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/evaluation/stage_times.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
-#include "fdi_lio/mapping/map_builder.hpp"
+#include "fdi_lio/mapping/global_optimizer.hpp"
 #include "fdi_lio/pipeline/run_directory.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
 
@@ -25,6 +25,8 @@ class SlamRun {
   SlamRun(const Config& config, const std::string& output, Reporter* reporter);
 
   void add_imu(const imu::ImuSample& sample);
+
+  void add_fix(const mapping::GnssFix& fix) { part_->global.add_fix(fix); }
 
   /// Throws Error when the disk takes no more.
   void add_scan(Scan scan);
@@ -46,10 +48,12 @@ class SlamRun {
   struct Part {
     Part(const Config& config, const std::string& output, double begin_s, Reporter* reporter);
 
+    void add(const Config& config, const pipeline::ScanOutput& output);
+
     double begin_s;  ///< position in the recording
     std::chrono::steady_clock::time_point began = std::chrono::steady_clock::now();
     pipeline::RunDirectory directory;
-    mapping::MapBuilder map;
+    mapping::GlobalOptimizer global;
     evaluation::StageTimes times;
     pipeline::SlamPipeline pipeline;
   };

@@ -6,6 +6,7 @@
 
 #include "fdi_lio/common/parameter_visitor.hpp"
 #include "fdi_lio/degeneracy/degeneracy_config.hpp"
+#include "fdi_lio/mapping/global_config.hpp"
 #include "fdi_lio/scan/scan_config.hpp"
 
 namespace fdi_lio {
@@ -164,6 +165,8 @@ struct Config {
   FeatureConfig features;
   MappingConfig mapping;
   degeneracy::DegeneracyConfig degeneracy;
+  mapping::LoopConfig loop;
+  mapping::GnssConfig gnss;
   NodeConfig nodes;
   CheckConfig check;
   int threads = 2;

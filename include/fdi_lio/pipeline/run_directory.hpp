@@ -4,12 +4,13 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <vector>
 
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/evaluation/stage_times.hpp"
 #include "fdi_lio/evaluation/trajectory_writer.hpp"
-#include "fdi_lio/mapping/map_builder.hpp"
+#include "fdi_lio/mapping/global_optimizer.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
 
 namespace fdi_lio::pipeline {
@@ -26,8 +27,9 @@ class RunDirectory {
   /// the disk takes no more.
   void add(const ScanOutput& output);
 
-  /// map.pcd; written under another name first and then renamed.
-  void write_map(const mapping::MapBuilder& map) const;
+  /// Poses after global correction: trajectory.tum anew, map.pcd from the keyframes' clouds at `map_voxel_m`,
+  /// loops.csv, and fixes.csv if there were any. Each is written under another name first and then renamed.
+  void write_global(const mapping::GlobalOptimizer& global, double map_voxel_m) const;
 
   /// timing.json: `wall_s` and `bag_s` are the seconds that passed and the seconds of data.
   void write_timing(const evaluation::StageTimes& times, double wall_s, double bag_s) const;
@@ -35,19 +37,26 @@ class RunDirectory {
   /// warnings.txt: warnings and errors with their counts.
   void write_warnings(const Reporter& reporter) const;
 
-  std::size_t scans() const { return scans_; }
+  std::size_t scans() const { return poses_.size(); }
   const std::filesystem::path& path() const { return path_; }
 
  private:
   void write_degeneracy(const ScanOutput& output);
   void write_covariance(const mapping::EstimateResult& estimate);
+  void write_trajectory(const mapping::GlobalOptimizer& global) const;
+  void write_fixes(const mapping::GlobalOptimizer& global) const;
+
+  struct StampedPose {
+    Stamp stamp;
+    Eigen::Isometry3d T_odom_imu;
+  };
 
   std::filesystem::path path_;
   evaluation::TrajectoryWriter trajectory_;
   evaluation::TrajectoryWriter odometry_;
   std::ofstream degeneracy_;
   std::ofstream covariance_;
-  std::size_t scans_ = 0;
+  std::vector<StampedPose> poses_;
 };
 
 }  // namespace fdi_lio::pipeline

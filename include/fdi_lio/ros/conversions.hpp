@@ -1,9 +1,11 @@
 #pragma once
 
 #include <sensor_msgs/Imu.h>
+#include <sensor_msgs/NavSatFix.h>
 #include <sensor_msgs/PointCloud2.h>
 
 #include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/mapping/gnss_aligner.hpp"
 #include "fdi_lio/scan/point_cloud_reader.hpp"
 
 /// Between ROS messages and the types of the library.
@@ -13,5 +15,7 @@ namespace fdi_lio::ros_bridge {
 scan::RawCloud to_raw_cloud(const sensor_msgs::PointCloud2& cloud);
 
 imu::ImuSample to_imu_sample(const sensor_msgs::Imu& message);
+
+mapping::GnssFix to_gnss_fix(const sensor_msgs::NavSatFix& message);
 
 }  // namespace fdi_lio::ros_bridge

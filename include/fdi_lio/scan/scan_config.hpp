@@ -41,7 +41,7 @@ struct DynamicConfig {
   double range_jump = 0.02;
   double safety_factor = 1.5;
   int past_scans = 3;
-  double past_spacing_s = 0.4;
+  double past_spacing_s = 0.8;
   double free_margin_m = 0.3;
   double free_margin_share = 0.01;
   double touch_distance_m = 0.3;

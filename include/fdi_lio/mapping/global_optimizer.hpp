@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/mapping/gnss_aligner.hpp"
+#include "fdi_lio/mapping/graph_file.hpp"
+#include "fdi_lio/mapping/keyframe_store.hpp"
+#include "fdi_lio/mapping/loop_types.hpp"
+
+namespace fdi_lio::mapping {
+
+/// What the odometry gives for one keyframe.
+struct Keyframe {
+  Stamp stamp = 0;
+  Eigen::Isometry3d T_odom_imu = Eigen::Isometry3d::Identity();
+  Matrix6d covariance = Matrix6d::Zero();  ///< of T_odom_imu against the local map, [dtheta, dt (odom)]
+  KeyframeCloud cloud;
+};
+
+/// The points of a scan and its features, moved from the lidar to the IMU frame; the surface is thinned to
+/// one mean point a voxel.
+KeyframeCloud make_keyframe_cloud(const std::vector<Point>& points, const FeatureSet& features,
+                                  const Eigen::Isometry3d& T_imu_lidar, double voxel_m);
+
+/// What became of one GNSS fix.
+struct FixResult {
+  Stamp stamp = 0;
+  GnssVerdict verdict = GnssVerdict::kWaiting;
+};
+
+/// The globally consistent map: keyframes and GNSS fixes in, corrected poses and map -> odom out. Looks for
+/// loops, verifies them, and optimises the pose graph when one is accepted. Synchronous and deterministic.
+class GlobalOptimizer {
+ public:
+  GlobalOptimizer(const Config& config, Reporter* reporter);
+  ~GlobalOptimizer();
+
+  /// Adds a keyframe; its stamp follows the one before. Loops are searched for and verified here, which may
+  /// take a few hundred milliseconds.
+  void add(Keyframe keyframe);
+
+  /// Adds a fix. It is used when a keyframe of its stamp or later has come.
+  void add_fix(const GnssFix& fix);
+
+  /// Optimises what came since the last time. To be called at the end.
+  void finish();
+
+  /// Where the map lies in ENU; nothing until the fixes have shown it.
+  std::optional<EnuAlignment> alignment() const;
+
+  /// Every fix that was looked at.
+  const std::vector<FixResult>& fixes() const;
+
+  /// Correction of the newest keyframe: p_map = T_map_odom p_odom. Identity before the first.
+  Eigen::Isometry3d T_map_odom() const;
+
+  /// Corrected pose of something that the odometry saw at `stamp`: moved with the last keyframe up to then.
+  Eigen::Isometry3d correct(Stamp stamp, const Eigen::Isometry3d& T_odom_imu) const;
+
+  /// Every candidate that was looked at, in the order of the search.
+  const std::vector<LoopCandidate>& loops() const;
+
+  std::size_t size() const;
+  Stamp stamp(std::size_t keyframe) const;
+  const Eigen::Isometry3d& T_odom_imu(std::size_t keyframe) const;
+  Eigen::Isometry3d T_map_imu(std::size_t keyframe) const;
+  std::shared_ptr<const KeyframeCloud> cloud(std::size_t keyframe) const;
+  GraphFile graph() const;
+
+ private:
+  class Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+}  // namespace fdi_lio::mapping

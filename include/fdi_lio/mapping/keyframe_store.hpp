@@ -1,0 +1,61 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <list>
+#include <memory>
+#include <vector>
+
+#include "fdi_lio/common/scan_types.hpp"
+
+namespace fdi_lio::mapping {
+
+/// The points of one keyframe, IMU frame at its stamp. Only position and intensity are kept.
+struct KeyframeCloud {
+  std::vector<Point> surface;  ///< all points, one mean a voxel
+  std::vector<Point> planes;   ///< plane features
+  std::vector<Point> edges;    ///< edge features
+
+  std::size_t size() const { return surface.size() + planes.size() + edges.size(); }
+};
+
+/// Clouds of all keyframes. They are written to an unnamed file in the temporary folder, which vanishes with
+/// the process however it ends; those used last stay in memory up to a limit.
+class KeyframeStore {
+ public:
+  /// Throws Error when the file cannot be made.
+  explicit KeyframeStore(std::size_t memory_limit_bytes);
+  ~KeyframeStore();
+  KeyframeStore(const KeyframeStore&) = delete;
+  KeyframeStore& operator=(const KeyframeStore&) = delete;
+
+  /// Throws Error when the disk takes no more.
+  void add(KeyframeCloud cloud);
+
+  /// The cloud of keyframe `index`, in the order of `add`. Throws Error when it cannot be read back.
+  std::shared_ptr<const KeyframeCloud> get(std::size_t index);
+
+  std::size_t size() const { return records_.size(); }
+  std::size_t bytes_in_memory() const { return bytes_in_memory_; }
+
+ private:
+  struct Record {
+    std::int64_t offset = 0;
+    std::uint32_t surface = 0;
+    std::uint32_t planes = 0;
+    std::uint32_t edges = 0;
+    std::shared_ptr<const KeyframeCloud> cloud;  ///< while in memory
+    std::list<std::size_t>::iterator place;      ///< in `recent_`, while in memory
+  };
+
+  void keep(std::size_t index, std::shared_ptr<const KeyframeCloud> cloud);
+
+  std::size_t memory_limit_bytes_;
+  int file_ = -1;
+  std::int64_t end_ = 0;
+  std::vector<Record> records_;
+  std::list<std::size_t> recent_;  ///< in memory, the newest use first
+  std::size_t bytes_in_memory_ = 0;
+};
+
+}  // namespace fdi_lio::mapping

@@ -1,0 +1,95 @@
+#pragma once
+
+#include <cstddef>
+#include <iosfwd>
+#include <memory>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "fdi_lio/mapping/scan_matcher.hpp"
+
+namespace fdi_lio::mapping {
+
+/// A measured pose of keyframe `to` in keyframe `from` (IMU frames). Tangent order [dtheta, dt]: dtheta
+/// perturbs the rotation on the right (axes of `to`), dt is added to the translation (axes of `from`).
+struct RelativePose {
+  std::size_t from = 0;
+  std::size_t to = 0;
+  Eigen::Isometry3d T_from_to = Eigen::Isometry3d::Identity();
+  Matrix6d information = Matrix6d::Identity();  ///< may be singular: what is not known is not constrained
+};
+
+/// An antenna position in ENU, seen from keyframe `node`.
+struct PositionFix {
+  std::size_t node = 0;
+  Eigen::Vector3d p_imu = Eigen::Vector3d::Zero();  ///< antenna in the IMU frame of the keyframe [m]
+  Eigen::Vector3d p_enu = Eigen::Vector3d::Zero();  ///< [m]
+  Eigen::Matrix3d information = Eigen::Matrix3d::Identity();  ///< in ENU axes [1/m^2]
+};
+
+/// Where the map lies in ENU: rotation about the vertical and translation (roll and pitch are known from
+/// gravity). p_enu = R_z(yaw) p_map + t.
+struct EnuAlignment {
+  double yaw_rad = 0.0;
+  Eigen::Vector3d t_enu_map = Eigen::Vector3d::Zero();
+
+  Eigen::Isometry3d T_enu_map() const;
+};
+
+struct PoseGraphSettings {
+  /// Squared normalised residual at which a loop counts half in value: 99 % of chi-square with 6 degrees.
+  double loop_scale_sq = 16.8;
+  /// The same for a position, 3 degrees of freedom.
+  double position_scale_sq = 11.3;
+  int max_iterations = 30;
+};
+
+/// Poses T_map_imu of keyframes with odometry, loops and positions, solved by Ceres (sparse Cholesky, one
+/// thread: bit-identical results). Loops have a Geman-McClure kernel that starts wide enough for the worst
+/// new loop and narrows down (graduated non-convexity: Yang et al., RA-L 2020, eqs. 4-8), so that a true loop
+/// after much drift pulls the graph and a wrong one among true ones loses its weight. The problem is kept
+/// between solves, and each solve starts from the last solution.
+class PoseGraph {
+ public:
+  explicit PoseGraph(const PoseGraphSettings& settings);
+  ~PoseGraph();
+  PoseGraph(PoseGraph&&) noexcept;
+  PoseGraph& operator=(PoseGraph&&) noexcept;
+
+  /// Adds a node, its pose being the start of the optimisation. The first node is held where it is.
+  std::size_t add_node(const Eigen::Isometry3d& T_map_imu);
+
+  void add_odometry(const RelativePose& measured);
+
+  /// Returns the loop's index.
+  std::size_t add_loop(const RelativePose& measured);
+
+  /// Sets where the alignment to ENU starts; from then on positions can be added.
+  void start_alignment(const EnuAlignment& alignment);
+  void add_position(const PositionFix& fix);
+
+  /// Optimises. False when Ceres found no usable solution; poses are then as before.
+  bool solve();
+
+  Eigen::Isometry3d pose(std::size_t node) const;
+  EnuAlignment alignment() const;
+
+  /// Weight that the kernel gave to a loop in the last solution: 1 taken fully, 0 ignored.
+  double loop_weight(std::size_t loop) const;
+
+  /// Squared normalised residual of a relative pose at the present poses: chi-square distributed with 6
+  /// degrees of freedom when the poses are right and the information is honest.
+  double squared_error(const RelativePose& measured) const;
+
+  std::size_t node_count() const;
+  const std::vector<RelativePose>& odometry() const;
+  const std::vector<RelativePose>& loops() const;
+
+ private:
+  class Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+}  // namespace fdi_lio::mapping

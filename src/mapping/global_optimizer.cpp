@@ -1,0 +1,407 @@
+#include "fdi_lio/mapping/global_optimizer.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <utility>
+
+#include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/mapping/loop_detector.hpp"
+#include "fdi_lio/mapping/loop_verifier.hpp"
+#include "fdi_lio/mapping/map_builder.hpp"
+
+namespace fdi_lio::mapping {
+
+namespace {
+
+constexpr double kDegree = M_PI / 180.0;
+/// Uncertainty of a relative pose that no drift has widened.
+constexpr double kBaseSigmaM = 0.1;
+constexpr double kBaseSigmaRad = 0.5 * kDegree;
+/// Squared normalised residual at which a loop is half taken. Wider than chi-square, for loops are verified
+/// before, and the odometry may drift more steadily than its random walk says.
+constexpr double kLoopScaleSq = 100.0;
+/// A loop that the graph takes with less weight contradicts the others.
+constexpr double kMinLoopWeight = 0.25;
+/// How long a loop waits for a second one that agrees.
+constexpr double kConfirmationPathM = 60.0;
+/// Way before the later keyframe whose scans are registered together with it.
+constexpr double kSourceLengthM = 5.0;
+constexpr std::size_t kSourceKeyframes = 4;
+/// The descriptor's place may be so far from the keyframe's.
+constexpr double kDescriptorSigmaM = 3.0;
+constexpr double kDescriptorSigmaRad = 4.0 * kDegree;
+
+/// [dtheta, dt] from `a` to `b`, in the tangent of RelativePose.
+Vector6d difference(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  Vector6d delta;
+  delta << so3::log(Eigen::Matrix3d(a.linear().transpose() * b.linear())), b.translation() - a.translation();
+  return delta;
+}
+
+Matrix6d isotropic(double sigma_rad, double sigma_m) {
+  Matrix6d covariance = Matrix6d::Zero();
+  covariance.diagonal().head<3>().setConstant(sigma_rad * sigma_rad);
+  covariance.diagonal().tail<3>().setConstant(sigma_m * sigma_m);
+  return covariance;
+}
+
+PoseGraphSettings graph_settings() {
+  PoseGraphSettings settings;
+  settings.loop_scale_sq = kLoopScaleSq;
+  return settings;
+}
+
+std::vector<Point> moved(const std::vector<Point>& points, const Eigen::Isometry3f& T) {
+  std::vector<Point> result = points;
+  for (Point& point : result) point.position = T * point.position;
+  return result;
+}
+
+}  // namespace
+
+KeyframeCloud make_keyframe_cloud(const std::vector<Point>& points, const FeatureSet& features,
+                                  const Eigen::Isometry3d& T_imu_lidar, double voxel_m) {
+  MapBuilder surface(voxel_m);
+  surface.add(points, T_imu_lidar);
+  const Eigen::Isometry3f T = T_imu_lidar.cast<float>();
+  return {surface.points(), moved(features.planes, T), moved(features.edges, T)};
+}
+
+class GlobalOptimizer::Implementation {
+ public:
+  Implementation(const Config& config, Reporter* reporter)
+      : config_(config.loop),
+        reporter_(reporter),
+        graph_(graph_settings()),
+        store_(static_cast<std::size_t>(config.loop.cloud_memory_mb) << 20),
+        detector_(config.loop),
+        verifier_(config),
+        gnss_(config.gnss),
+        aligner_(config.gnss, config.loop.drift_share) {}
+
+  void add(Keyframe keyframe);
+  void add_fix(const GnssFix& fix) { waiting_fixes_.push_back(fix); }
+  void solve();
+
+  Eigen::Isometry3d correction(std::size_t k) const { return poses_[k] * frames_[k].T_odom_imu.inverse(); }
+  Eigen::Isometry3d correct(Stamp stamp, const Eigen::Isometry3d& T_odom_imu) const;
+
+  struct Frame {
+    Stamp stamp;
+    Eigen::Isometry3d T_odom_imu;
+    double path_m;
+  };
+
+  LoopConfig config_;
+  Reporter* reporter_;
+  PoseGraph graph_;
+  KeyframeStore store_;
+  LoopDetector detector_;
+  LoopVerifier verifier_;
+  std::vector<Frame> frames_;
+  std::vector<Eigen::Isometry3d> poses_;  ///< of the graph, as last solved
+  std::vector<LoopCandidate> loops_;
+  std::vector<std::size_t> pending_;  ///< indices in `loops_`
+  double searched_at_m_ = 0.0;
+  GnssConfig gnss_;
+  GnssAligner aligner_;
+  std::deque<GnssFix> waiting_fixes_;
+  std::vector<FixResult> fixes_;
+  bool is_aligned_ = false;
+  int unsolved_fixes_ = 0;
+  double loop_at_m_ = 0.0;  ///< way at the last keyframe with an accepted loop
+
+ private:
+  double drift_m() const { return config_.drift_share * (frames_.back().path_m - loop_at_m_); }
+  double drift_rad() const {
+    return config_.drift_rotation_deg_per_m * kDegree * (frames_.back().path_m - loop_at_m_);
+  }
+  RelativePose odometry_step(const Keyframe& keyframe, double step_m) const;
+  void search();
+  LoopCandidate examine(const LoopProposal& proposal);
+  std::vector<PlacedCloud> submap(std::size_t center, double before_m, double after_m, std::size_t limit);
+  void decide(std::size_t index);
+  bool agree(const LoopCandidate& a, const LoopCandidate& b) const;
+  void accept(const std::vector<std::size_t>& indices);
+  void expire_pending();
+  void use_fixes();
+  void use_fix(const GnssFix& fix);
+  TiedFix tie(const GnssFix& fix) const;
+};
+
+RelativePose GlobalOptimizer::Implementation::odometry_step(const Keyframe& keyframe, double step_m) const {
+  const Eigen::Isometry3d& T_odom_before = frames_.back().T_odom_imu;
+  RelativePose edge;
+  edge.from = frames_.size() - 1;
+  edge.to = frames_.size();
+  edge.T_from_to = T_odom_before.inverse() * keyframe.T_odom_imu;
+  const double way_m = std::max(step_m, 0.1);
+  Matrix6d covariance = isotropic(config_.odometry_sigma_rotation_deg * kDegree * std::sqrt(way_m),
+                                  config_.odometry_sigma_translation * std::sqrt(way_m));
+  // What the scan does not determine (the axis of a tunnel) shows in the estimator's covariance.
+  Matrix6d to_step = Matrix6d::Identity();
+  to_step.bottomRightCorner<3, 3>() = T_odom_before.linear().transpose();
+  covariance += to_step * keyframe.covariance * to_step.transpose();
+  edge.information = covariance.inverse();
+  return edge;
+}
+
+void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
+  if (frames_.empty()) {
+    graph_.add_node(keyframe.T_odom_imu);
+    poses_.push_back(keyframe.T_odom_imu);
+    frames_.push_back({keyframe.stamp, keyframe.T_odom_imu, 0.0});
+  } else {
+    const double step_m = (frames_.back().T_odom_imu.inverse() * keyframe.T_odom_imu).translation().norm();
+    const RelativePose edge = odometry_step(keyframe, step_m);
+    poses_.push_back(poses_.back() * edge.T_from_to);
+    graph_.add_node(poses_.back());
+    graph_.add_odometry(edge);
+    frames_.push_back({keyframe.stamp, keyframe.T_odom_imu, frames_.back().path_m + step_m});
+  }
+  detector_.add(describe_place(keyframe.cloud.surface, levelled(keyframe.T_odom_imu.linear()),
+                               config_.descriptor_range_m),
+                frames_.back().path_m);
+  store_.add(std::move(keyframe.cloud));
+  if (config_.enabled && frames_.back().path_m - searched_at_m_ >= config_.spacing_m) search();
+  use_fixes();
+}
+
+void GlobalOptimizer::Implementation::solve() {
+  if (!graph_.solve())
+    reporter_->report(Severity::kError, "pose_graph", "the pose graph could not be optimised");
+  for (std::size_t k = 0; k < poses_.size(); ++k) poses_[k] = graph_.pose(k);
+  unsolved_fixes_ = 0;
+}
+
+/// The antenna at the stamp of the fix, by the odometry between the two keyframes about it.
+TiedFix GlobalOptimizer::Implementation::tie(const GnssFix& fix) const {
+  const auto after = std::lower_bound(frames_.begin(), frames_.end(), fix.stamp,
+                                      [](const Frame& frame, Stamp value) { return frame.stamp < value; });
+  const auto next = static_cast<std::size_t>(after - frames_.begin());
+  TiedFix tied;
+  tied.node = next == 0 ? 0 : next - 1;
+  const Frame& before = frames_[tied.node];
+  const double span_s = seconds_between(before.stamp, frames_[next].stamp);
+  const double share = span_s > 0.0 ? seconds_between(before.stamp, fix.stamp) / span_s : 0.0;
+  const Eigen::Isometry3d T_step = before.T_odom_imu.inverse() * frames_[next].T_odom_imu;
+  Eigen::Isometry3d T_part = Eigen::Isometry3d::Identity();
+  T_part.linear() = so3::exp(share * so3::log(Eigen::Matrix3d(T_step.linear())));
+  T_part.translation() = share * T_step.translation();
+  tied.p_imu = T_part * gnss_.p_imu_antenna;
+  tied.p_map = poses_[tied.node] * tied.p_imu;
+  tied.path_m = before.path_m + share * T_step.translation().norm();
+  return tied;
+}
+
+void GlobalOptimizer::Implementation::use_fixes() {
+  while (!waiting_fixes_.empty() && waiting_fixes_.front().stamp <= frames_.back().stamp) {
+    // What the receiver said before the start has no pose.
+    if (waiting_fixes_.front().stamp >= frames_.front().stamp) use_fix(waiting_fixes_.front());
+    waiting_fixes_.pop_front();
+  }
+  if (unsolved_fixes_ >= gnss_.solve_every) solve();
+}
+
+void GlobalOptimizer::Implementation::use_fix(const GnssFix& fix) {
+  std::optional<EnuAlignment> alignment;
+  if (is_aligned_) alignment = graph_.alignment();
+  PositionFix position;
+  const GnssVerdict verdict = aligner_.add(fix, tie(fix), alignment, &position);
+  fixes_.push_back({fix.stamp, verdict});
+  if (verdict == GnssVerdict::kAccepted) {
+    graph_.add_position(position);
+    ++unsolved_fixes_;
+  }
+  if (verdict != GnssVerdict::kWaiting) return;
+  std::vector<PositionFix> positions;
+  const std::optional<EnuAlignment> found = aligner_.try_align(&positions);
+  if (!found) return;
+  is_aligned_ = true;
+  graph_.start_alignment(*found);
+  for (const PositionFix& each : positions) graph_.add_position(each);
+  solve();
+  reporter_->report(Severity::kInfo, "gnss_aligned", "the map is aligned to the GNSS fixes");
+}
+
+void GlobalOptimizer::Implementation::search() {
+  searched_at_m_ = frames_.back().path_m;
+  expire_pending();
+  for (const LoopProposal& proposal : detector_.propose(poses_, drift_m())) {
+    loops_.push_back(examine(proposal));
+    decide(loops_.size() - 1);
+    if (loops_.back().verdict == LoopVerdict::kAccepted) break;
+  }
+}
+
+/// Keyframes about `center`, in its frame; at most `limit`, evenly spread.
+std::vector<PlacedCloud> GlobalOptimizer::Implementation::submap(std::size_t center, double before_m,
+                                                                 double after_m, std::size_t limit) {
+  std::size_t begin = center;
+  std::size_t end = center + 1;
+  while (begin > 0 && frames_[center].path_m - frames_[begin - 1].path_m <= before_m) --begin;
+  while (end < frames_.size() && frames_[end].path_m - frames_[center].path_m <= after_m) ++end;
+  const std::size_t count = end - begin;
+  const std::size_t taken = std::min(count, limit);
+  std::vector<PlacedCloud> placed;
+  for (std::size_t k = 0; k < taken; ++k) {
+    const std::size_t index = begin + (2 * k + 1) * count / (2 * taken);
+    // By odometry, which is smooth over so short a way; the graph may bend it.
+    placed.push_back({store_.get(index), frames_[center].T_odom_imu.inverse() * frames_[index].T_odom_imu});
+  }
+  return placed;
+}
+
+LoopCandidate GlobalOptimizer::Implementation::examine(const LoopProposal& proposal) {
+  const std::size_t to = frames_.size() - 1;
+  const Eigen::Isometry3d T_predicted = poses_[proposal.from].inverse() * poses_[to];
+  RegistrationStart start;
+  if (proposal.source == LoopSource::kDistance) {
+    start.T_from_to = T_predicted;
+    start.sigma_translation_m = kBaseSigmaM + drift_m();
+    start.sigma_rotation_rad = kBaseSigmaRad + drift_rad();
+  } else {
+    // Same place, turned: level(from) <- level(to) is a rotation about the vertical.
+    const Eigen::Matrix3d R_level_from = levelled(frames_[proposal.from].T_odom_imu.linear());
+    const Eigen::Matrix3d R_level_to = levelled(frames_[to].T_odom_imu.linear());
+    const Eigen::Matrix3d R_turn =
+        Eigen::AngleAxisd(proposal.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    start.T_from_to.linear() = R_level_from.transpose() * R_turn * R_level_to;
+    start.sigma_translation_m = kDescriptorSigmaM;
+    start.sigma_rotation_rad = kDescriptorSigmaRad;
+  }
+  const double half_m = 0.5 * config_.submap_length_m;
+  LoopCandidate candidate = verifier_.verify(
+      submap(proposal.from, half_m, half_m, static_cast<std::size_t>(config_.submap_keyframes)),
+      submap(to, kSourceLengthM, 0.0, kSourceKeyframes), start);
+  candidate.stamp_from = frames_[proposal.from].stamp;
+  candidate.stamp_to = frames_[to].stamp;
+  candidate.source = proposal.source;
+  candidate.measured.from = proposal.from;
+  candidate.measured.to = to;
+  const Vector6d error = difference(T_predicted, candidate.measured.T_from_to);
+  const Matrix6d covariance =
+      candidate.covariance + isotropic(kBaseSigmaRad + drift_rad(), kBaseSigmaM + drift_m());
+  candidate.chi_square = error.dot(covariance.ldlt().solve(error));
+  return candidate;
+}
+
+/// What the registration did not reject is accepted at once while the prediction is good, else when a second
+/// loop agrees.
+void GlobalOptimizer::Implementation::decide(std::size_t index) {
+  LoopCandidate& candidate = loops_[index];
+  if (candidate.verdict != LoopVerdict::kPending) return;
+  if (candidate.chi_square > config_.max_chi_square) {
+    candidate.verdict = LoopVerdict::kFarFromPrediction;
+    return;
+  }
+  std::vector<std::size_t> accepted = {index};
+  if (drift_m() > config_.confirm_above_m) {
+    const auto agreeing = std::find_if(pending_.begin(), pending_.end(),
+                                       [&](std::size_t other) { return agree(loops_[other], candidate); });
+    if (agreeing == pending_.end()) {
+      pending_.push_back(index);
+      return;
+    }
+    accepted.push_back(*agreeing);
+    pending_.erase(agreeing);
+  }
+  accept(accepted);
+}
+
+/// Puts loops into the graph. Those that it does not follow contradict the others.
+void GlobalOptimizer::Implementation::accept(const std::vector<std::size_t>& indices) {
+  std::vector<std::size_t> in_graph;
+  for (const std::size_t index : indices) in_graph.push_back(graph_.add_loop(loops_[index].measured));
+  solve();
+  for (std::size_t k = 0; k < indices.size(); ++k) {
+    const bool is_followed = graph_.loop_weight(in_graph[k]) >= kMinLoopWeight;
+    loops_[indices[k]].verdict = is_followed ? LoopVerdict::kAccepted : LoopVerdict::kInconsistent;
+    if (is_followed) loop_at_m_ = frames_.back().path_m;
+  }
+}
+
+/// Whether going round a_from -> a_to -> b_to -> b_from -> a_from leads back, given the odometry's drift
+/// between the two.
+bool GlobalOptimizer::Implementation::agree(const LoopCandidate& a, const LoopCandidate& b) const {
+  const auto odometry = [this](std::size_t from, std::size_t to) {
+    return frames_[from].T_odom_imu.inverse() * frames_[to].T_odom_imu;
+  };
+  const Eigen::Isometry3d T_expected = odometry(a.measured.from, b.measured.from).inverse() *
+                                       a.measured.T_from_to * odometry(a.measured.to, b.measured.to);
+  const double way_m = std::abs(frames_[a.measured.from].path_m - frames_[b.measured.from].path_m) +
+                       std::abs(frames_[a.measured.to].path_m - frames_[b.measured.to].path_m);
+  if (way_m > 2.0 * kConfirmationPathM) return false;
+  const Matrix6d covariance = a.covariance + b.covariance +
+                              isotropic(kBaseSigmaRad + config_.drift_rotation_deg_per_m * kDegree * way_m,
+                                        kBaseSigmaM + config_.drift_share * way_m);
+  const Vector6d error = difference(T_expected, b.measured.T_from_to);
+  return error.dot(covariance.ldlt().solve(error)) <= config_.max_chi_square;
+}
+
+void GlobalOptimizer::Implementation::expire_pending() {
+  const auto is_late = [this](std::size_t index) {
+    return frames_.back().path_m - frames_[loops_[index].measured.to].path_m > kConfirmationPathM;
+  };
+  for (const std::size_t index : pending_) {
+    if (is_late(index)) loops_[index].verdict = LoopVerdict::kUnconfirmed;
+  }
+  pending_.erase(std::remove_if(pending_.begin(), pending_.end(), is_late), pending_.end());
+}
+
+Eigen::Isometry3d GlobalOptimizer::Implementation::correct(Stamp stamp,
+                                                           const Eigen::Isometry3d& T_odom_imu) const {
+  if (frames_.empty()) return T_odom_imu;
+  const auto after = std::upper_bound(frames_.begin(), frames_.end(), stamp,
+                                      [](Stamp value, const Frame& frame) { return value < frame.stamp; });
+  const std::size_t k = after == frames_.begin() ? 0 : static_cast<std::size_t>(after - frames_.begin()) - 1;
+  return correction(k) * T_odom_imu;
+}
+
+GlobalOptimizer::GlobalOptimizer(const Config& config, Reporter* reporter)
+    : implementation_(std::make_unique<Implementation>(config, reporter)) {}
+GlobalOptimizer::~GlobalOptimizer() = default;
+
+void GlobalOptimizer::add(Keyframe keyframe) { implementation_->add(std::move(keyframe)); }
+
+void GlobalOptimizer::add_fix(const GnssFix& fix) { implementation_->add_fix(fix); }
+void GlobalOptimizer::finish() {
+  if (implementation_->unsolved_fixes_ > 0) implementation_->solve();
+}
+const std::vector<FixResult>& GlobalOptimizer::fixes() const { return implementation_->fixes_; }
+
+std::optional<EnuAlignment> GlobalOptimizer::alignment() const {
+  if (!implementation_->is_aligned_) return std::nullopt;
+  return implementation_->graph_.alignment();
+}
+
+Eigen::Isometry3d GlobalOptimizer::T_map_odom() const {
+  if (size() == 0) return Eigen::Isometry3d::Identity();
+  return implementation_->correction(size() - 1);
+}
+
+Eigen::Isometry3d GlobalOptimizer::correct(Stamp stamp, const Eigen::Isometry3d& T_odom_imu) const {
+  return implementation_->correct(stamp, T_odom_imu);
+}
+
+const std::vector<LoopCandidate>& GlobalOptimizer::loops() const { return implementation_->loops_; }
+std::size_t GlobalOptimizer::size() const { return implementation_->frames_.size(); }
+Stamp GlobalOptimizer::stamp(std::size_t keyframe) const {
+  return implementation_->frames_.at(keyframe).stamp;
+}
+const Eigen::Isometry3d& GlobalOptimizer::T_odom_imu(std::size_t keyframe) const {
+  return implementation_->frames_.at(keyframe).T_odom_imu;
+}
+Eigen::Isometry3d GlobalOptimizer::T_map_imu(std::size_t keyframe) const {
+  return implementation_->poses_.at(keyframe);
+}
+std::shared_ptr<const KeyframeCloud> GlobalOptimizer::cloud(std::size_t keyframe) const {
+  return implementation_->store_.get(keyframe);
+}
+
+GraphFile GlobalOptimizer::graph() const {
+  return {implementation_->poses_, implementation_->graph_.odometry(), implementation_->graph_.loops()};
+}
+
+}  // namespace fdi_lio::mapping

@@ -1,0 +1,315 @@
+#include "fdi_lio/mapping/loop_verifier.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/mapping/map_builder.hpp"
+
+namespace fdi_lio::mapping {
+
+namespace {
+
+constexpr int kIterations = 20;
+constexpr int kWideIterations = 6;
+constexpr double kStartResidualM = 2.0;
+constexpr double kEndResidualM = 0.3;
+constexpr std::size_t kMinMatches = 100;
+constexpr std::size_t kRefinedScorePoints = 3000;
+constexpr double kConvergedM = 1e-4;
+
+/// The grid of starts about the prediction: its step is what the coarsest cells still attract.
+constexpr double kGridStepM = 1.0;
+constexpr double kMinSearchM = 1.0;
+constexpr double kMaxSearchM = 8.0;
+constexpr double kYawStepRad = 0.05;
+constexpr double kMaxYawSearchRad = 0.15;
+constexpr std::size_t kScorePoints = 400;
+constexpr std::size_t kStarts = 4;
+/// Two results that are nearer to each other are the same.
+constexpr double kSameResultM = 0.7;
+/// A surface whose normal points up more is ground: it fits everywhere.
+constexpr double kMaxWallNormalZ = 0.7;
+/// Least |cosine| between the normals of the same wall seen twice.
+constexpr double kMinNormalCosine = 0.8;
+constexpr std::size_t kMinWallPoints = 50;
+constexpr double kOverlapDistanceM = 0.8;
+/// Metres that one radian counts, when directions of turning and shifting are compared.
+constexpr double kCharacteristicLengthM = 10.0;
+/// Deviation of a direction about which the registration says nothing.
+constexpr double kUnknownSigmaM = 100.0;
+/// Deviation towards a result that is about as good, in distances to it.
+constexpr double kAmbiguousSigmas = 5.0;
+
+Eigen::Isometry3d moved(const Eigen::Isometry3d& T, const Vector6d& delta) {
+  Eigen::Isometry3d result = T;
+  result.linear() = T.linear() * so3::exp(delta.head<3>());
+  result.translation() += delta.tail<3>();
+  return result;
+}
+
+Vector6d difference(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to) {
+  Vector6d delta;
+  delta << so3::log(Eigen::Matrix3d(from.linear().transpose() * to.linear())),
+      to.translation() - from.translation();
+  return delta;
+}
+
+}  // namespace
+
+/// Both sides of a registration.
+struct LoopVerifier::Scene {
+  struct WallPoint {
+    Eigen::Vector3d position;
+    Eigen::Vector3d normal;
+  };
+
+  VoxelMap planes;
+  VoxelMap edges;
+  std::vector<Point> source_planes;
+  std::vector<WallPoint> walls;  ///< of the source, with a normal of its own
+  MatchInput input;
+};
+
+struct LoopVerifier::Solution {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  LidarInformation information;
+  double score = 0.0;  ///< see wall_score
+};
+
+LoopVerifier::LoopVerifier(const Config& config) : config_(config.loop), matcher_(config) {
+  plane_map_config_.voxel_size_m = config.mapping.map_voxel_m;
+  plane_map_config_.min_points = static_cast<std::uint32_t>(config.mapping.plane_min_points);
+  plane_map_config_.max_points = static_cast<std::uint32_t>(config.mapping.max_points_per_voxel);
+  plane_map_config_.max_thickness_m = config.mapping.plane_max_thickness_m;
+  edge_map_config_ = plane_map_config_;
+  edge_map_config_.max_thickness_m = config.mapping.line_max_thickness_m;
+}
+
+LoopVerifier::Scene LoopVerifier::make_scene(const std::vector<PlacedCloud>& target,
+                                             const std::vector<PlacedCloud>& source) const {
+  Scene scene{VoxelMap(plane_map_config_), VoxelMap(edge_map_config_), {}, {}, {}};
+  const auto insert = [](const std::vector<Point>& points, const Eigen::Isometry3d& T, VoxelMap* map) {
+    std::vector<Eigen::Vector3d> positions;
+    std::vector<float> intensities;
+    for (const Point& point : points) {
+      positions.push_back(T * point.position.cast<double>());
+      intensities.push_back(point.intensity);
+    }
+    map->insert(positions, intensities);
+  };
+  for (const PlacedCloud& placed : target) {
+    insert(placed.cloud->planes, placed.T_submap_imu, &scene.planes);
+    insert(placed.cloud->edges, placed.T_submap_imu, &scene.edges);
+  }
+  MapBuilder planes(config_.source_voxel_m);
+  MapBuilder edges(0.5 * config_.source_voxel_m);
+  VoxelMap source_map(plane_map_config_);
+  for (const PlacedCloud& placed : source) {
+    planes.add(placed.cloud->planes, placed.T_submap_imu);
+    edges.add(placed.cloud->edges, placed.T_submap_imu);
+    insert(placed.cloud->planes, placed.T_submap_imu, &source_map);
+  }
+  scene.source_planes = planes.points();
+  for (const Point& point : scene.source_planes) {
+    const Eigen::Vector3d position = point.position.cast<double>();
+    scene.input.planes.push_back(position);
+    const Cell* cell = source_map.find_plane(position, false);
+    if (cell != nullptr && std::abs(cell->axes(2, 0)) <= kMaxWallNormalZ)
+      scene.walls.push_back({position, cell->axes.col(0)});
+  }
+  for (const Point& point : edges.points()) scene.input.edges.push_back(point.position.cast<double>());
+  return scene;
+}
+
+LoopCandidate LoopVerifier::verify(const std::vector<PlacedCloud>& target,
+                                   const std::vector<PlacedCloud>& source,
+                                   const RegistrationStart& start) const {
+  const Scene scene = make_scene(target, source);
+  std::vector<Solution> solutions;
+  for (const Eigen::Isometry3d& T : search(scene, start)) solutions.push_back(refine(scene, T, start));
+  const auto best = std::max_element(solutions.begin(), solutions.end(),
+                                     [](const Solution& a, const Solution& b) { return a.score < b.score; });
+  std::vector<Eigen::Vector3d> alternatives;
+  for (const Solution& other : solutions) {
+    const Eigen::Vector3d apart = other.T.translation() - best->T.translation();
+    const Eigen::Vector3d moved_by = other.T.translation() - start.T_from_to.translation();
+    if (moved_by.norm() > 3.5 * start.sigma_translation_m) continue;
+    if (apart.norm() > kSameResultM && other.score > config_.ambiguity * best->score)
+      alternatives.push_back(apart);
+  }
+  LoopCandidate candidate;
+  candidate.measured.T_from_to = best->T;
+  candidate.wall_points = scene.walls.size();
+  candidate.wall_share = best->score;
+  measure(scene, best->T, &candidate);
+  set_information(*best, alternatives, &candidate);
+  candidate.verdict = judge(candidate);
+  return candidate;
+}
+
+/// Share of (at most `limit`) wall points of the source that lie on a wall of the map with the same normal;
+/// nearer ones count more. The ground is left out, for it fits everywhere.
+double LoopVerifier::wall_score(const Scene& scene, const Eigen::Isometry3d& T, std::size_t limit,
+                                double distance_m) const {
+  const std::size_t count = scene.walls.size();
+  const std::size_t taken = std::min(count, limit);
+  const Eigen::Matrix3d R = T.linear();
+  double sum = 0.0;
+  for (std::size_t k = 0; k < taken; ++k) {
+    const Scene::WallPoint& wall = scene.walls[k * count / taken];
+    const Eigen::Vector3d p = T * wall.position;
+    const Cell* cell = scene.planes.find_plane(p, false);
+    if (cell == nullptr || std::abs(cell->axes.col(0).dot(R * wall.normal)) < kMinNormalCosine) continue;
+    const double residual = cell->axes.col(0).dot(p - cell->mean);
+    sum += std::max(0.0, 1.0 - std::abs(residual) / distance_m);
+  }
+  return taken == 0 ? 0.0 : sum / static_cast<double>(taken);
+}
+
+/// The prediction and the best places of a grid about it.
+std::vector<Eigen::Isometry3d> LoopVerifier::search(const Scene& scene,
+                                                    const RegistrationStart& start) const {
+  struct Place {
+    double score;
+    Eigen::Isometry3d T;
+  };
+  std::vector<Place> places;
+  const double radius = std::clamp(3.0 * start.sigma_translation_m, kMinSearchM, kMaxSearchM);
+  const double turn = std::min(2.0 * start.sigma_rotation_rad, kMaxYawSearchRad);
+  const int steps = static_cast<int>(std::ceil(radius / kGridStepM));
+  const int turns = static_cast<int>(std::ceil(turn / kYawStepRad));
+  for (int yaw = -turns; yaw <= turns; ++yaw) {
+    for (int x = -steps; x <= steps; ++x) {
+      for (int y = -steps; y <= steps; ++y) {
+        Eigen::Isometry3d T = start.T_from_to;
+        T.linear() = Eigen::AngleAxisd(yaw * kYawStepRad, Eigen::Vector3d::UnitZ()) * T.linear();
+        T.translation() += kGridStepM * Eigen::Vector3d(x, y, 0.0);
+        places.push_back({wall_score(scene, T, kScorePoints, 2.0 * kEndResidualM), T});
+      }
+    }
+  }
+  std::stable_sort(places.begin(), places.end(),
+                   [](const Place& a, const Place& b) { return a.score > b.score; });
+  std::vector<Eigen::Isometry3d> starts = {start.T_from_to};
+  for (const Place& place : places) {
+    if (starts.size() > kStarts) break;
+    const bool is_new = std::none_of(starts.begin(), starts.end(), [&place](const Eigen::Isometry3d& T) {
+      return (T.translation() - place.T.translation()).norm() < 1.5 * kGridStepM;
+    });
+    if (is_new) starts.push_back(place.T);
+  }
+  return starts;
+}
+
+/// Gauss-Newton with the prediction as a weak prior, so that what the surfaces do not determine stays.
+LoopVerifier::Solution LoopVerifier::refine(const Scene& scene, const Eigen::Isometry3d& T_start,
+                                            const RegistrationStart& start) const {
+  Matrix6d prior = Matrix6d::Zero();
+  prior.diagonal().head<3>().setConstant(std::pow(start.sigma_rotation_rad, -2));
+  prior.diagonal().tail<3>().setConstant(std::pow(start.sigma_translation_m, -2));
+  Solution solution;
+  solution.T = T_start;
+  MatchSettings settings;
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    settings.wide = iteration < kWideIterations;
+    settings.max_residual_m =
+        std::max(kEndResidualM, kStartResidualM * (1.0 - static_cast<double>(iteration) / kWideIterations));
+    solution.information =
+        matcher_.linearise(scene.input, scene.planes, scene.edges, Eigen::Quaterniond(solution.T.linear()),
+                           solution.T.translation(), settings);
+    if (solution.information.planes < kMinMatches) return solution;
+    const Matrix6d H = solution.information.H + prior;
+    const Vector6d b = solution.information.b + prior * difference(T_start, solution.T);
+    const Vector6d step = -H.ldlt().solve(b);
+    solution.T = moved(solution.T, step);
+    if (!settings.wide && step.norm() < kConvergedM) break;
+  }
+  solution.score = wall_score(scene, solution.T, kRefinedScorePoints, kEndResidualM);
+  return solution;
+}
+
+void LoopVerifier::measure(const Scene& scene, const Eigen::Isometry3d& T, LoopCandidate* candidate) const {
+  std::size_t near = 0;
+  std::size_t inliers = 0;
+  double squared = 0.0;
+  double sums[5] = {};  // of a, b, aa, bb, ab
+  for (const Point& point : scene.source_planes) {
+    const Eigen::Vector3d p = T * point.position.cast<double>();
+    const Cell* cell = scene.planes.find_plane(p, true);
+    if (cell == nullptr) continue;
+    const double residual = cell->axes.col(0).dot(p - cell->mean);
+    if (std::abs(residual) > kOverlapDistanceM) continue;
+    ++near;
+    if (std::abs(residual) > kEndResidualM) continue;
+    ++inliers;
+    squared += residual * residual;
+    const double a = std::log1p(std::max(0.0F, point.intensity));
+    const double b = std::log1p(std::max(0.0F, cell->mean_intensity));
+    sums[0] += a;
+    sums[1] += b;
+    sums[2] += a * a;
+    sums[3] += b * b;
+    sums[4] += a * b;
+  }
+  if (inliers == 0) return;
+  const double n = static_cast<double>(inliers);
+  candidate->overlap = static_cast<double>(near) / static_cast<double>(scene.source_planes.size());
+  candidate->residual_m = std::sqrt(squared / n);
+  const double variance_a = sums[2] / n - sums[0] * sums[0] / (n * n);
+  const double variance_b = sums[3] / n - sums[1] * sums[1] / (n * n);
+  // Without contrast (or without intensity) nothing disagrees.
+  if (std::min(variance_a, variance_b) < 1e-6) {
+    candidate->intensity_correlation = 1.0;
+    return;
+  }
+  candidate->intensity_correlation =
+      (sums[4] / n - sums[0] * sums[1] / (n * n)) / std::sqrt(variance_a * variance_b);
+}
+
+/// Information by direction. In a tangent space where a radian counts kCharacteristicLengthM, directions with
+/// less than `weak_share` of the strongest one's information are those that noise alone would show: they
+/// become unknown. Along the way to a result that is about as good nothing is known either.
+void LoopVerifier::set_information(const Solution& best, const std::vector<Eigen::Vector3d>& alternatives,
+                                   LoopCandidate* candidate) const {
+  Vector6d scale;
+  scale << Eigen::Vector3d::Constant(1.0 / kCharacteristicLengthM), Eigen::Vector3d::Ones();
+  const Matrix6d scaled = scale.asDiagonal() * best.information.H * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(0.5 * (scaled + scaled.transpose()));
+  const double strongest = std::max(solver.eigenvalues()[5], 1e-12);
+  Vector6d variances;
+  for (int k = 0; k < 6; ++k) {
+    const double eigenvalue = solver.eigenvalues()[k];
+    const bool is_weak = eigenvalue < config_.weak_share * strongest;
+    variances[k] = is_weak ? kUnknownSigmaM * kUnknownSigmaM : 1.0 / eigenvalue;
+    candidate->weak_directions += is_weak ? 1 : 0;
+  }
+  Matrix6d covariance = solver.eigenvectors() * variances.asDiagonal() * solver.eigenvectors().transpose();
+  covariance = scale.asDiagonal() * covariance * scale.asDiagonal();
+  const double sigma_rotation = config_.sigma_rotation_deg * M_PI / 180.0;
+  covariance.diagonal().head<3>().array() += sigma_rotation * sigma_rotation;
+  covariance.diagonal().tail<3>().array() += config_.sigma_translation_m * config_.sigma_translation_m;
+  for (const Eigen::Vector3d& apart : alternatives) {
+    const Eigen::Vector3d along = kAmbiguousSigmas * apart;
+    covariance.bottomRightCorner<3, 3>() += along * along.transpose();
+  }
+  if (!alternatives.empty()) ++candidate->weak_directions;
+  candidate->covariance = covariance;
+  candidate->measured.information = covariance.inverse();
+}
+
+LoopVerdict LoopVerifier::judge(const LoopCandidate& candidate) const {
+  if (candidate.overlap < config_.min_overlap) return LoopVerdict::kLowOverlap;
+  if (candidate.wall_points < kMinWallPoints) return LoopVerdict::kNoInformation;
+  if (candidate.wall_share < config_.min_wall_share) return LoopVerdict::kFewWalls;
+  if (candidate.residual_m > config_.max_residual_m) return LoopVerdict::kHighResidual;
+  if (candidate.intensity_correlation < config_.min_intensity_correlation)
+    return LoopVerdict::kIntensityDisagrees;
+  if (candidate.weak_directions >= 4) return LoopVerdict::kNoInformation;
+  return LoopVerdict::kPending;
+}
+
+}  // namespace fdi_lio::mapping

@@ -1,0 +1,139 @@
+#include "fdi_lio/mapping/place_descriptor.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fdi_lio::mapping {
+
+namespace {
+
+constexpr int kRings = PlaceDescriptor::kRings;
+constexpr int kSectors = PlaceDescriptor::kSectors;
+/// Share of the points that may lie below what counts as the ground.
+constexpr double kGroundShare = 0.05;
+constexpr float kMaxHeight = 12.0F;
+constexpr float kOccupied = 0.2F;  ///< of a cell that has ground only
+constexpr double kIntensityShare = 0.25;
+
+struct LevelPoint {
+  int ring;
+  int sector;
+  float z;
+  float intensity;
+};
+
+std::vector<LevelPoint> to_cells(const std::vector<Point>& points, const Eigen::Matrix3d& R_level_imu,
+                                 double range_m) {
+  std::vector<LevelPoint> cells;
+  cells.reserve(points.size());
+  for (const Point& point : points) {
+    const Eigen::Vector3d p = R_level_imu * point.position.cast<double>();
+    const double distance = p.head<2>().norm();
+    const int ring = static_cast<int>(distance / range_m * kRings);
+    if (ring >= kRings) continue;
+    const double turn = (std::atan2(p.y(), p.x()) + M_PI) / (2.0 * M_PI);
+    const int sector = std::min(static_cast<int>(turn * kSectors), kSectors - 1);
+    cells.push_back({ring, sector, static_cast<float>(p.z()), point.intensity});
+  }
+  return cells;
+}
+
+float ground_level(const std::vector<LevelPoint>& cells) {
+  std::vector<float> heights;
+  heights.reserve(cells.size());
+  for (const LevelPoint& cell : cells) heights.push_back(cell.z);
+  const auto low = heights.begin() + static_cast<std::ptrdiff_t>(kGroundShare * heights.size());
+  std::nth_element(heights.begin(), low, heights.end());
+  return *low;
+}
+
+/// Mean over the sectors that both places fill of the cosine between their columns.
+double column_similarity(const PlaceDescriptor::Grid& a, const PlaceDescriptor::Grid& b, int shift) {
+  double sum = 0.0;
+  int filled = 0;
+  for (int sector = 0; sector < kSectors; ++sector) {
+    const auto column_a = a.col((sector + shift) % kSectors).matrix();
+    const auto column_b = b.col(sector).matrix();
+    const float norms = column_a.norm() * column_b.norm();
+    if (norms <= 0.0F) continue;
+    sum += static_cast<double>(column_a.dot(column_b) / norms);
+    ++filled;
+  }
+  return filled < kSectors / 4 ? 0.0 : sum / filled;
+}
+
+/// Correlation of the intensities over the cells that both places fill.
+double intensity_similarity(const PlaceDescriptor& a, const PlaceDescriptor& b, int shift) {
+  double aa = 0.0;
+  double bb = 0.0;
+  double ab = 0.0;
+  for (int sector = 0; sector < kSectors; ++sector) {
+    const int other = (sector + shift) % kSectors;
+    for (int ring = 0; ring < kRings; ++ring) {
+      if (a.height(ring, other) <= 0.0F || b.height(ring, sector) <= 0.0F) continue;
+      const double va = a.intensity(ring, other);
+      const double vb = b.intensity(ring, sector);
+      aa += va * va;
+      bb += vb * vb;
+      ab += va * vb;
+    }
+  }
+  return aa * bb > 0.0 ? ab / std::sqrt(aa * bb) : 0.0;
+}
+
+}  // namespace
+
+Eigen::Matrix3d levelled(const Eigen::Matrix3d& R_odom_imu) {
+  const double yaw = std::atan2(R_odom_imu(1, 0), R_odom_imu(0, 0));
+  return Eigen::AngleAxisd(-yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix() * R_odom_imu;
+}
+
+PlaceDescriptor describe_place(const std::vector<Point>& points, const Eigen::Matrix3d& R_level_imu,
+                               double range_m) {
+  PlaceDescriptor place;
+  const std::vector<LevelPoint> cells = to_cells(points, R_level_imu, range_m);
+  if (cells.empty()) return place;
+  const float ground = ground_level(cells);
+  PlaceDescriptor::Grid count = PlaceDescriptor::Grid::Zero();
+  for (const LevelPoint& cell : cells) {
+    float& height = place.height(cell.ring, cell.sector);
+    height = std::max(height, kOccupied + std::clamp(cell.z - ground, 0.0F, kMaxHeight));
+    place.intensity(cell.ring, cell.sector) += cell.intensity;
+    ++count(cell.ring, cell.sector);
+  }
+  for (int ring = 0; ring < kRings; ++ring) {
+    const auto counts = count.row(ring);
+    const float occupied = static_cast<float>((counts > 0.0F).count());
+    place.ring_key[ring] = place.height.row(ring).mean() / kMaxHeight;
+    place.ring_key[kRings + ring] = occupied / kSectors;
+    auto intensities = place.intensity.row(ring);
+    intensities = (counts > 0.0F).select(intensities / counts.max(1.0F), 0.0F);
+    const float mean = occupied > 0.0F ? intensities.sum() / occupied : 0.0F;
+    if (mean > 0.0F)
+      intensities = (counts > 0.0F).select((intensities / mean - 1.0F).min(1.0F).max(-1.0F), 0.0F);
+  }
+  return place;
+}
+
+PlaceMatch compare_places(const PlaceDescriptor& a, const PlaceDescriptor& b) {
+  int best_shift = 0;
+  double best = -1.0;
+  for (int shift = 0; shift < kSectors; ++shift) {
+    const double similarity = column_similarity(a.height, b.height, shift);
+    if (similarity <= best) continue;
+    best = similarity;
+    best_shift = shift;
+  }
+  PlaceMatch match;
+  match.distance = 1.0 - (1.0 - kIntensityShare) * best -
+                   kIntensityShare * std::max(0.0, intensity_similarity(a, b, best_shift));
+  const int shift = best_shift < kSectors / 2 ? best_shift : best_shift - kSectors;
+  match.yaw_rad = 2.0 * M_PI * shift / kSectors;
+  return match;
+}
+
+double ring_key_distance(const PlaceDescriptor& a, const PlaceDescriptor& b) {
+  return (a.ring_key - b.ring_key).matrix().norm();
+}
+
+}  // namespace fdi_lio::mapping

@@ -1,0 +1,121 @@
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "synthetic_places.hpp"
+#include <gtest/gtest.h>
+
+#include "fdi_lio/mapping/loop_verifier.hpp"
+
+namespace fdi_lio::mapping {
+namespace {
+
+std::vector<PlacedCloud> submap(const SyntheticWorld& world, const Eigen::Isometry3d& T_world_center) {
+  std::vector<PlacedCloud> placed;
+  for (int k = -2; k <= 2; ++k) {
+    const Eigen::Isometry3d T_center_imu = planar_pose(2.0 * k, 0.0, 0.0);
+    placed.push_back({std::make_shared<const KeyframeCloud>(
+                          world.seen_from(T_world_center * T_center_imu, static_cast<unsigned>(10 + k))),
+                      T_center_imu});
+  }
+  return placed;
+}
+
+std::vector<PlacedCloud> scan(const SyntheticWorld& world, const Eigen::Isometry3d& T_world_imu) {
+  return {{std::make_shared<const KeyframeCloud>(world.seen_from(T_world_imu, 99)),
+           Eigen::Isometry3d::Identity()}};
+}
+
+RegistrationStart start_at(const Eigen::Isometry3d& T, double sigma_m) {
+  RegistrationStart start;
+  start.T_from_to = T;
+  start.sigma_translation_m = sigma_m;
+  start.sigma_rotation_rad = 0.05;
+  return start;
+}
+
+double sigma_along(const LoopCandidate& candidate, const Eigen::Vector3d& axis) {
+  return std::sqrt(axis.dot(candidate.covariance.bottomRightCorner<3, 3>() * axis));
+}
+
+class LoopVerifierHeadings : public testing::TestWithParam<double> {};
+
+TEST_P(LoopVerifierHeadings, FindsThePoseFromAStartThatIsMetresOff) {
+  const SyntheticWorld town = make_town(1);
+  const Eigen::Isometry3d T_from = planar_pose(25.0, 0.0, 1.5);
+  const Eigen::Isometry3d T_from_to = planar_pose(1.0, -1.5, GetParam());
+  const LoopVerifier verifier{Config()};
+  const LoopCandidate candidate = verifier.verify(submap(town, T_from), scan(town, T_from * T_from_to),
+                                                  start_at(T_from_to * planar_pose(3.0, 2.0, 0.08), 3.0));
+  EXPECT_EQ(candidate.verdict, LoopVerdict::kPending) << to_text(candidate.verdict);
+  EXPECT_LT((candidate.measured.T_from_to.translation() - T_from_to.translation()).norm(), 0.05);
+  EXPECT_LT(so3::log(Eigen::Matrix3d(T_from_to.linear().transpose() * candidate.measured.T_from_to.linear()))
+                .norm(),
+            0.005);
+  EXPECT_EQ(candidate.weak_directions, 0);
+  EXPECT_GT(candidate.intensity_correlation, 0.5);
+}
+
+INSTANTIATE_TEST_SUITE_P(Headings, LoopVerifierHeadings, testing::Values(0.0, 1.0, M_PI, -2.0));
+
+TEST(LoopVerifier, RejectsOtherPlaces) {
+  const LoopVerifier verifier{Config()};
+  const Eigen::Isometry3d T = planar_pose(25.0, 0.0, 1.5);
+  const SyntheticWorld town = make_town(1);
+  for (unsigned other = 2; other < 8; ++other) {
+    const LoopCandidate candidate =
+        verifier.verify(submap(town, T), scan(make_town(other), T), start_at(planar_pose(0, 0, 0), 3.0));
+    EXPECT_NE(candidate.verdict, LoopVerdict::kPending) << other;
+  }
+}
+
+/// A straight hall without end walls; with `spacing_m`, pillars that are all alike.
+SyntheticWorld make_hall(double spacing_m) {
+  SyntheticWorld hall;
+  hall.add({-100.0, -3.0, -1.7}, {200.0, 0.0, 0.0}, {0.0, 6.0, 0.0}, 10.0);
+  hall.add({-100.0, -3.0, -1.7}, {200.0, 0.0, 0.0}, {0.0, 0.0, 4.0}, 50.0);
+  hall.add({-100.0, 3.0, -1.7}, {200.0, 0.0, 0.0}, {0.0, 0.0, 4.0}, 50.0);
+  if (spacing_m <= 0.0) return hall;
+  for (double x = -99.0; x < 99.0; x += spacing_m) {
+    hall.add_box(x, -3.0, 1.0, 0.8, 4.0, 50.0);
+    hall.add_box(x, 2.2, 1.0, 0.8, 4.0, 50.0);
+  }
+  return hall;
+}
+
+TEST(LoopVerifier, SmoothHallSaysNothingAlongItself) {
+  const SyntheticWorld hall = make_hall(0.0);
+  const LoopVerifier verifier{Config()};
+  const Eigen::Isometry3d T = planar_pose(0.0, 0.0, 0.0);
+  const LoopCandidate candidate =
+      verifier.verify(submap(hall, T), scan(hall, planar_pose(0.7, 0.3, 0.0)), start_at(T, 1.0));
+  EXPECT_GT(sigma_along(candidate, Eigen::Vector3d::UnitX()), 10.0);
+  EXPECT_LT(sigma_along(candidate, Eigen::Vector3d::UnitY()), 0.1);
+  EXPECT_NEAR(candidate.measured.T_from_to.translation().y(), 0.3, 0.03);
+}
+
+TEST(LoopVerifier, RepetitionWithinTheUncertaintySaysNothingAlongItself) {
+  const SyntheticWorld hall = make_hall(3.0);
+  const LoopVerifier verifier{Config()};
+  const Eigen::Isometry3d T = planar_pose(0.0, 0.0, 0.0);
+  const auto verify = [&](double sigma_m) {
+    return verifier.verify(submap(hall, T), scan(hall, planar_pose(0.2, 0.1, 0.0)), start_at(T, sigma_m));
+  };
+  EXPECT_GT(sigma_along(verify(1.5), Eigen::Vector3d::UnitX()), 10.0);
+  // When the prediction is much better than the spacing there is only one place.
+  const LoopCandidate known = verify(0.1);
+  EXPECT_LT(sigma_along(known, Eigen::Vector3d::UnitX()), 0.1);
+  EXPECT_NEAR(known.measured.T_from_to.translation().x(), 0.2, 0.05);
+}
+
+TEST(LoopVerifier, NoPointsAreNoLoop) {
+  const LoopVerifier verifier{Config()};
+  const std::vector<PlacedCloud> nothing = {
+      {std::make_shared<const KeyframeCloud>(), Eigen::Isometry3d::Identity()}};
+  const LoopCandidate candidate =
+      verifier.verify(nothing, nothing, start_at(Eigen::Isometry3d::Identity(), 1.0));
+  EXPECT_EQ(candidate.verdict, LoopVerdict::kLowOverlap);
+}
+
+}  // namespace
+}  // namespace fdi_lio::mapping
