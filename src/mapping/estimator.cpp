@@ -222,7 +222,7 @@ LidarInformation Estimator::Implementation::optimise(const MatchInput& input, Es
         is_start ? std::max(config_.mapping.max_residual_m, kStartMaxResidual * (1.0 - progress))
                  : config_.mapping.max_residual_m;
     if (!is_start && iteration > 0) settings.max_deviation = config_.mapping.max_deviation;
-    information = matcher_.linearise(input, {plane_map_, edge_map_, texture_map_}, current.q_odom_imu,
+    information = matcher_.linearise(input, {plane_map_, edge_map_, &texture_map_}, current.q_odom_imu,
                                      current.t_odom_imu, settings);
     result->status.iterations = static_cast<std::uint32_t>(iteration + 1);
     if (information.planes + information.edges < kMinMatches) {

@@ -47,8 +47,7 @@ bool PoseManifold::Plus(const double* x, const double* delta, double* x_plus_del
   const Eigen::Quaterniond q =
       (rotation_of(x) * so3::exp_q(Eigen::Map<const Eigen::Vector3d>(delta))).normalized();
   Eigen::Vector4d::Map(x_plus_delta) = q.coeffs();
-  Eigen::Vector3d::Map(x_plus_delta + 4) =
-      translation_of(x) + Eigen::Map<const Eigen::Vector3d>(delta + 3);
+  Eigen::Vector3d::Map(x_plus_delta + 4) = translation_of(x) + Eigen::Map<const Eigen::Vector3d>(delta + 3);
   return true;
 }
 
@@ -60,8 +59,7 @@ bool PoseManifold::PlusJacobian(const double* /*x*/, double* jacobian) const {
 }
 
 bool PoseManifold::Minus(const double* y, const double* x, double* y_minus_x) const {
-  Eigen::Vector3d::Map(y_minus_x) =
-      so3::log(Eigen::Quaterniond(rotation_of(x).conjugate() * rotation_of(y)));
+  Eigen::Vector3d::Map(y_minus_x) = so3::log(Eigen::Quaterniond(rotation_of(x).conjugate() * rotation_of(y)));
   Eigen::Vector3d::Map(y_minus_x + 3) = translation_of(y) - translation_of(x);
   return true;
 }

@@ -112,9 +112,10 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const FeatureMa
     add(p, *cell, 0, settings.edge_weight, sum);
     add(p, *cell, 1, settings.edge_weight, sum);
   });
-  const Sum textures = reduce(input.textures.size(), [&](std::size_t i, Sum* sum) {
+  const std::size_t texture_count = maps.textures != nullptr ? input.textures.size() : 0;
+  const Sum textures = reduce(texture_count, [&](std::size_t i, Sum* sum) {
     const Eigen::Vector3d& p = input.textures[i];
-    const Cell* cell = maps.textures.find_texture(R * p + t_odom_imu);
+    const Cell* cell = maps.textures->find_texture(R * p + t_odom_imu);
     if (cell != nullptr) add_texture(p, input.levels[i], *cell, sum);
   });
 

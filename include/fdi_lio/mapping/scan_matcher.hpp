@@ -47,11 +47,11 @@ struct MatchSettings {
   double intensity_weight = 1.0;
 };
 
-/// The three local maps that features are matched to, by class.
+/// The local maps that features are matched to, by class; without `textures` intensity features have none.
 struct FeatureMaps {
   const VoxelMap& planes;
   const VoxelMap& edges;
-  const VoxelMap& textures;
+  const VoxelMap* textures = nullptr;
 };
 
 /// Residuals of scan features against the local map, with noise-aware weights and a Cauchy kernel (one round
