@@ -23,6 +23,11 @@ constexpr int kGainColumnStride = 4;
 /// Neighbouring beams share a surface when their ranges differ by less; texture differs by more than a gain.
 constexpr float kSharedRange = 0.15F;
 constexpr float kLargestGainStep = 0.4F;
+/// The range profile forgets slowly, and is drawn to none where it has seen little.
+constexpr double kProfileMemory = 0.98;
+constexpr double kProfilePrior = 0.5;
+constexpr float kProfileStep_m = 0.25F;
+constexpr std::size_t kProfileSteps = 1024;
 
 /// Cosine of the angle between the beam and the surface's normal, as far as the ring shows it.
 float incidence_cosine(const DeskewedScan& scan, std::size_t i) {
@@ -84,6 +89,49 @@ void IntensityModel::follow_scale(float median) {
   differing_scans_ = 0;
 }
 
+float IntensityModel::range_profile(float range_m) const {
+  if (profile_.empty()) return 0.0F;
+  return profile_[std::min(static_cast<std::size_t>(range_m / kProfileStep_m), profile_.size() - 1)];
+}
+
+void IntensityModel::learn_range_profile(const RangeImage& image, const std::vector<float>& levels) {
+  for (double& sum : cross_) sum *= kProfileMemory;
+  for (double& sum : square_) sum *= kProfileMemory;
+  const auto learn = [&](std::uint32_t i, float range, int ring, int column) {
+    if (ring >= image.rings()) return;
+    const std::uint32_t j = image.at(ring, column);
+    if (j == RangeImage::kNone) return;
+    const float other = image.range_at(ring, column);
+    if (std::abs(other - range) > kSharedRange * range) return;
+    const double step = (other - range) / (0.5 * (other + range));  // d ln(r)
+    const double change = std::clamp(levels[j] - levels[i], -kLargestGainStep, kLargestGainStep);
+    const double octaves = std::log2(std::max(1.0F, range));
+    const std::size_t bin = std::min(static_cast<std::size_t>(2.0 * octaves), kRangeBins - 1);
+    cross_[bin] += change * step;
+    square_[bin] += step * step;
+  };
+  for (int ring = 0; ring < image.rings(); ++ring) {
+    for (int column = ring % kGainColumnStride; column < image.columns(); column += 2 * kGainColumnStride) {
+      const std::uint32_t i = image.at(ring, column);
+      if (i == RangeImage::kNone) continue;
+      const float range = image.range_at(ring, column);
+      learn(i, range, ring + 1, column);
+      learn(i, range, ring, column + kGainColumnStride);
+    }
+  }
+  profile_.assign(kProfileSteps, 0.0F);
+  double value = 0.0;
+  for (std::size_t k = 1; k < kProfileSteps; ++k) {
+    const double range = kProfileStep_m * (static_cast<double>(k) + 0.5);
+    const double octaves = std::log2(std::max(1.0, range));
+    const std::size_t bin = std::min(static_cast<std::size_t>(2.0 * octaves), kRangeBins - 1);
+    value += cross_[bin] / (square_[bin] + kProfilePrior) * kProfileStep_m / range;
+    profile_[k] = static_cast<float>(value);
+  }
+  const float reference = range_profile(static_cast<float>(config_.reference_range_m));
+  for (float& each : profile_) each -= reference;
+}
+
 void IntensityModel::learn_gains(const RangeImage& image, const std::vector<float>& levels) {
   gain_scans_ = std::min(gain_scans_ + 1, kGainScans);
   std::vector<float> steps(gains_.size(), 0.0F);
@@ -130,6 +178,12 @@ std::vector<float> IntensityModel::apply(const DeskewedScan& scan, const RangeIm
       levels[i] = std::log1p(intensity / scale_) - gains_[scan.points[i].ring];
     }
   });
+  if (config_.range_profile) {
+    learn_range_profile(image, levels);
+    parallel_chunks(levels.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
+      for (std::size_t i = begin; i < end; ++i) levels[i] -= range_profile(scan.points[i].position.norm());
+    });
+  }
   if (config_.beam_gains) learn_gains(image, levels);
   return levels;
 }

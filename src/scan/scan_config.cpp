@@ -12,6 +12,7 @@ void IntensityConfig::visit(ParameterVisitor& v) {
          incidence_exponent, 0.0, 2.0);
   v.real({"intensity.reference_range", "m", "range at which intensities stay as they are"}, reference_range_m,
          0.1, 100.0);
+  v.flag({"intensity.range_profile", "", "learn how intensity depends on range"}, range_profile);
   v.flag({"intensity.beam_gains", "", "learn how the gains of the beams differ"}, beam_gains);
   v.real({"intensity.rescale_factor", "",
           "when the median differs from the scale by more than this factor, the sensor's scale has changed"},

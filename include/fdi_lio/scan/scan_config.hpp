@@ -12,6 +12,7 @@ struct IntensityConfig {
   double range_exponent = 0.0;
   double incidence_exponent = 0.0;
   double reference_range_m = 10.0;
+  bool range_profile = true;
   bool beam_gains = true;
   double rescale_factor = 6.0;
   int rescale_scans = 10;
