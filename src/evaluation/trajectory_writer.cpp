@@ -16,7 +16,7 @@ void TrajectoryWriter::add(Stamp stamp, const Eigen::Quaterniond& q, const Eigen
   std::snprintf(line, sizeof(line), " %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", t.x(), t.y(), t.z(), q.x(),
                 q.y(), q.z(), q.w());
   out_ << stamp_text(stamp) << line;
-  if (!out_.flush()) throw Error("cannot write " + path_ + ": the disk may be full");
+  if (!out_.flush()) throw Error("cannot write " + path_ + ": is there free space on the disk?");
 }
 
 }  // namespace fdi_lio::evaluation

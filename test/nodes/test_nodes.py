@@ -20,6 +20,7 @@ import numpy as np
 BIN = pathlib.Path()
 SOURCE = pathlib.Path()
 DURATION_S = 15
+MOUNTING = [0.0011, -0.0007, 0.0004, 0.99999907]  # rotation of T_imu_lidar, x y z w
 HOUR_S = 3600.0
 JUMP_AT_S = 4  # the vehicle has hardly left: a new map at full speed would be another test
 NODES = ("imu_preintegration", "scan_deskew", "feature_extraction", "degeneracy_estimation", "mapping_optimization")
@@ -94,7 +95,7 @@ class Nodes(unittest.TestCase):
         cls.config = cls.path / "street.config.yaml"
         # A mounting that is turned by a little: rotations that are rounded on their way show.
         text = cls.config.read_text(encoding="utf-8")
-        turned = text.replace("rotation: [0, 0, 0, 1]", "rotation: [0.0011, -0.0007, 0.0004, 0.99999907]")
+        turned = text.replace("rotation: [0, 0, 0, 1]", f"rotation: {MOUNTING}")
         assert turned != text
         cls.config.write_text(turned, encoding="utf-8")
         subprocess.run([BIN / "offline_slam", "--config", cls.config, "--bag", cls.bag, "--output",
@@ -207,13 +208,14 @@ class Nodes(unittest.TestCase):
 
     def test_tf_is_one_tree_from_map_to_lidar(self):
         launch = self.play("tf", "set:=frames.sensor_tf=always")
-        np.testing.assert_allclose(self.transform(launch, "base_link", "velodyne"), [0, 0, 0.3, 0, 0, 0, 1], atol=1e-9)
+        np.testing.assert_allclose(self.transform(launch, "base_link", "velodyne"), [0, 0, 0.3, *MOUNTING],
+                                   atol=1e-8)
         self.assertTrue(np.isfinite(self.transform(launch, "map", "velodyne")).all())
         launch.stop()
 
     def test_extrinsics_may_come_from_the_robots_own_description(self):
         launch = self.play("urdf", "set:=frames.extrinsics=tf")
-        robot = subprocess.Popen(["/usr/bin/python3", SOURCE / "test/nodes/robot_description.py"],
+        robot = subprocess.Popen(["/usr/bin/python3", SOURCE / "test/nodes/robot_description.py", *map(str, MOUNTING)],
                                  env=launch.environment)
         launch.wait()
         robot.terminate()
