@@ -59,6 +59,7 @@ TEST(IntensityModel, LevelIsTheLogarithmOverTheMedian) {
   // Two thirds of the points have the intensity 3: it is the median.
   IntensityConfig config;
   config.beam_gains = false;
+  config.range_profile = false;
   int k = 0;
   const Seen seen = see([&k](const Eigen::Vector3d&) { return ++k % 3 == 0 ? 1.0 : 3.0; });
   Reporter reporter;
@@ -70,6 +71,7 @@ TEST(IntensityModel, LevelIsTheLogarithmOverTheMedian) {
 TEST(IntensityModel, RangeExponentUndoesTheFallWithRange) {
   IntensityConfig config;
   config.beam_gains = false;
+  config.range_profile = false;
   config.range_exponent = 2.0;
   Seen seen = see(marble);
   std::vector<float> reflectivity;
@@ -89,6 +91,7 @@ TEST(IntensityModel, IncidenceExponentUndoesTheFallWithIncidence) {
   // Lambert's law on a wall 12 m to the left (ring of elevation 0): the cosine is y / r.
   IntensityConfig config;
   config.beam_gains = false;
+  config.range_profile = false;
   config.incidence_exponent = 1.0;
   SyntheticLidar lidar;
   lidar.rings = 3;
@@ -114,6 +117,29 @@ TEST(IntensityModel, IncidenceExponentUndoesTheFallWithIncidence) {
   ASSERT_GT(scales.size(), 400U);
   const auto [least, greatest] = std::minmax_element(scales.begin(), scales.end());
   EXPECT_LT(*greatest / *least, 1.01);
+}
+
+TEST(IntensityModel, FallWithRangeIsLearned) {
+  // Photon counts of a grey hall: they fall with the square of the range, and nothing else varies.
+  const auto spread = [](bool learns) {
+    IntensityConfig config;
+    config.beam_gains = false;
+    config.range_profile = learns;
+    Reporter reporter;
+    IntensityModel model(config, &reporter);
+    std::vector<float> levels;
+    for (int k = 0; k < 5; ++k) {
+      Seen seen = see([](const Eigen::Vector3d&) { return 5000.0; }, k);
+      for (Point& point : seen.scan.points) point.intensity /= point.position.squaredNorm();
+      levels = model.apply(seen.scan, seen.image);
+    }
+    double mean = 0.0;
+    double squares = 0.0;
+    for (const float level : levels) mean += level / static_cast<double>(levels.size());
+    for (const float level : levels) squares += (level - mean) * (level - mean);
+    return std::sqrt(squares / static_cast<double>(levels.size()));
+  };
+  EXPECT_LT(spread(true), 0.25 * spread(false));
 }
 
 TEST(IntensityModel, SilentIntensitiesGiveNothingAndOneWarning) {
