@@ -182,6 +182,15 @@ void MappingConfig::visit(ParameterVisitor& v) {
   v.real({"mapping.intensity_weight", "", "factor on the information of intensity matches"}, intensity_weight,
          0.0, 100.0);
   v.real({"mapping.intensity_voxel", "m", "finest voxel of the intensity map"}, intensity_voxel_m, 0.05, 2.0);
+  v.flag({"mapping.use_localizability", "", "let the motion prior take over in weak directions"},
+         use_localizability);
+  v.real({"mapping.localizability_margin", "",
+          "factor on the information that noise alone gives, which a direction must exceed to count as "
+          "observed"},
+         localizability_margin, 0.0, 1000.0);
+  v.real({"mapping.drift_share", "",
+          "factor on the share of a pose's covariance that stays in the map for each feature radius of way"},
+         drift_share, 0.0, 1000.0);
   v.real({"mapping.plane_weight", "", "factor on the information of plane matches"}, plane_weight, 0.0,
          100.0);
   v.real({"mapping.edge_weight", "",

@@ -10,6 +10,8 @@
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/imu/initialisation.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
+#include "fdi_lio/mapping/localizability.hpp"
+#include "fdi_lio/mapping/map_drift.hpp"
 #include "fdi_lio/mapping/scan_matcher.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
 #include "fdi_lio/mapping/voxel_map.hpp"
@@ -81,7 +83,8 @@ class Estimator::Implementation {
             map_config(config.mapping, config.mapping.map_voxel_m, config.mapping.plane_max_thickness_m)),
         edge_map_(
             map_config(config.mapping, config.mapping.map_voxel_m, config.mapping.line_max_thickness_m)),
-        texture_map_(texture_map_config(config.mapping)) {}
+        texture_map_(texture_map_config(config.mapping)),
+        drift_(config.mapping.drift_share) {}
 
   std::optional<EstimateResult> add(const FeatureSet& features, const degeneracy::Degeneracy& degeneracy,
                                     const std::optional<imu::Preintegration>& imu);
@@ -116,6 +119,7 @@ class Estimator::Implementation {
   VoxelMap plane_map_;
   VoxelMap edge_map_;
   VoxelMap texture_map_;
+  MapDrift drift_;
   int scan_count_ = 0;
   std::optional<imu::NavState> resumed_;
   imu::NavState before_;  ///< estimate of the scan before
@@ -224,6 +228,13 @@ LidarInformation Estimator::Implementation::optimise(const MatchInput& input, Es
     if (!is_start && iteration > 0) settings.max_deviation = config_.mapping.max_deviation;
     information = matcher_.linearise(input, {plane_map_, edge_map_, &texture_map_}, current.q_odom_imu,
                                      current.t_odom_imu, settings);
+    const Localizability localizability =
+        analyse_localizability(information, config_.mapping.localizability_margin);
+    result->status.axes = localizability.axes;
+    result->status.localizability = localizability.probability;
+    result->axis_information = localizability.information;
+    result->axis_noise = localizability.noise_information;
+    if (config_.mapping.use_localizability) soften(localizability, &information);
     result->status.iterations = static_cast<std::uint32_t>(iteration + 1);
     if (information.planes + information.edges < kMinMatches) {
       result->is_healthy = false;
@@ -348,12 +359,14 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& f
     return std::nullopt;
   }
   EstimateResult result;
+  double radius_m = 0.0;
   if (smoother_.empty()) {
     start(features, imu);
   } else {
     before_ = smoother_.newest();
     predict(features, imu);
     const LidarInformation information = optimise(match_input(features), &result);
+    radius_m = information.radius_m;
     result.matched_planes = information.planes;
     result.matched_edges = information.edges;
     result.matched_textures = information.textures;
@@ -377,7 +390,9 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& f
   }
   result.state = smoother_.newest();
   const Matrix15d covariance = smoother_.covariance();
-  result.covariance = covariance.topLeftCorner<6, 6>();
+  result.map_covariance = covariance.topLeftCorner<6, 6>();
+  if (scan_count_ > 0) drift_.advance(before_, result.state, result.map_covariance, radius_m);
+  result.covariance = result.map_covariance + drift_.covariance();
   result.velocity_covariance = covariance.block<3, 3>(6, 6);
   result.status.stamp = features.stamp;
   if (!result.is_healthy) {

@@ -13,13 +13,19 @@ constexpr std::size_t kChunk = 256;
 /// Normal equations of some residuals.
 struct Sum {
   Matrix6d H = Matrix6d::Zero();
+  Matrix6d noise = Matrix6d::Zero();  ///< that the errors of the Jacobians add to H
   Vector6d b = Vector6d::Zero();
+  Eigen::Vector3d first_moment = Eigen::Vector3d::Zero();  ///< of the features, body frame
+  double second_moment = 0.0;
   double squared_error = 0.0;
   std::size_t count = 0;
 
   Sum& operator+=(const Sum& other) {
     H += other.H;
+    noise += other.noise;
     b += other.b;
+    first_moment += other.first_moment;
+    second_moment += other.second_moment;
     squared_error += other.squared_error;
     count += other.count;
     return *this;
@@ -58,14 +64,28 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const FeatureMa
   const Eigen::Matrix3d R = q_odom_imu.toRotationMatrix();
   // Any residual r(R p_imu + t) with gradient n = dr/dp in the map frame has the derivative
   // [p_imu x R' n, n] by a right perturbation of R and a shift of t.
-  const auto add_residual = [&](const Eigen::Vector3d& p_imu, const Eigen::Vector3d& n, double residual,
-                                double variance, double weight, Sum* sum) {
-    if (residual * residual > settings.max_deviation * settings.max_deviation * variance) return;
-    const double information = weight * robust_weight(residual, variance, mapping_.robust_scale) / variance;
+  const auto jacobian_of = [&](const Eigen::Vector3d& p_imu, const Eigen::Vector3d& n) {
     Vector6d jacobian;
     jacobian << p_imu.cross(R.transpose() * n), n;
+    return jacobian;
+  };
+  // The gradient n itself has the variance slope_variance / (variance of the cell's points along a) along
+  // each axis a of the cell from first_slope on.
+  const auto add_residual = [&](const Eigen::Vector3d& p_imu, const Eigen::Vector3d& n, double residual,
+                                double variance, double weight, const Cell& cell, int first_slope,
+                                double slope_variance, Sum* sum) {
+    if (residual * residual > settings.max_deviation * settings.max_deviation * variance) return;
+    const double information = weight * robust_weight(residual, variance, mapping_.robust_scale) / variance;
+    const Vector6d jacobian = jacobian_of(p_imu, n);
     sum->H.noalias() += information * jacobian * jacobian.transpose();
     sum->b.noalias() += information * residual * jacobian;
+    for (int axis = first_slope; axis < 3; ++axis) {
+      if (cell.variances[axis] <= cell.variances[0]) continue;
+      const Vector6d error = jacobian_of(p_imu, cell.axes.col(axis));
+      sum->noise.noalias() += information * slope_variance / cell.variances[axis] * error * error.transpose();
+    }
+    sum->first_moment += p_imu;
+    sum->second_moment += p_imu.squaredNorm();
     sum->squared_error += residual * residual;
     ++sum->count;
   };
@@ -75,13 +95,16 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const FeatureMa
     const double tangential_sq = beam.squaredNorm() - std::pow(beam.dot(R.transpose() * n), 2);
     return range_variance_ + angle_variance_ * tangential_sq;
   };
-  const auto add = [&](const Eigen::Vector3d& p_imu, const Cell& cell, int axis, double weight, Sum* sum) {
+  const auto add = [&](const Eigen::Vector3d& p_imu, const Cell& cell, int axis, int first_slope,
+                       double weight, Sum* sum) {
     const Eigen::Vector3d offset = R * p_imu + t_odom_imu - cell.mean;
     const Eigen::Vector3d normal = cell.axes.col(axis);
     const double residual = normal.dot(offset);
     if (std::abs(residual) > settings.max_residual_m) return;
     const double surface = cell.variances[axis] * (1.0 + leverage(cell, offset, axis) / cell.count);
-    add_residual(p_imu, normal, residual, point_variance(p_imu, normal) + surface, weight, sum);
+    const double slope_variance = std::max(cell.variances[axis], range_variance_) / cell.count;
+    add_residual(p_imu, normal, residual, point_variance(p_imu, normal) + surface, weight, cell, first_slope,
+                 slope_variance, sum);
   };
   const auto add_texture = [&](const Eigen::Vector3d& p_imu, double level, const Cell& cell, Sum* sum) {
     const Eigen::Vector3d offset = R * p_imu + t_odom_imu - cell.mean;
@@ -89,7 +112,8 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const FeatureMa
     const double residual = cell.mean_intensity + gradient.dot(offset) - level;
     const double texture = cell.intensity_variance * (1.0 + leverage(cell, offset, 0) / cell.count);
     const double shift = point_variance(p_imu, gradient.normalized()) * gradient.squaredNorm();
-    add_residual(p_imu, gradient, residual, texture + shift, settings.intensity_weight, sum);
+    add_residual(p_imu, gradient, residual, texture + shift, settings.intensity_weight, cell, 1,
+                 cell.intensity_variance / cell.count, sum);
   };
   const auto reduce = [&](std::size_t count, auto&& match) {
     std::vector<Sum> sums((count + kChunk - 1) / kChunk);
@@ -103,14 +127,14 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const FeatureMa
   const Sum planes = reduce(input.planes.size(), [&](std::size_t i, Sum* sum) {
     const Eigen::Vector3d& p = input.planes[i];
     const Cell* cell = maps.planes.find_plane(R * p + t_odom_imu, settings.wide);
-    if (cell != nullptr) add(p, *cell, 0, settings.plane_weight, sum);
+    if (cell != nullptr) add(p, *cell, 0, 1, settings.plane_weight, sum);
   });
   const Sum edges = reduce(input.edges.size(), [&](std::size_t i, Sum* sum) {
     const Eigen::Vector3d& p = input.edges[i];
     const Cell* cell = maps.edges.find_line(R * p + t_odom_imu);
     if (cell == nullptr) return;
-    add(p, *cell, 0, settings.edge_weight, sum);
-    add(p, *cell, 1, settings.edge_weight, sum);
+    add(p, *cell, 0, 2, settings.edge_weight, sum);
+    add(p, *cell, 1, 2, settings.edge_weight, sum);
   });
   const std::size_t texture_count = maps.textures != nullptr ? input.textures.size() : 0;
   const Sum textures = reduce(texture_count, [&](std::size_t i, Sum* sum) {
@@ -125,6 +149,17 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const FeatureMa
   // Neighbouring residuals share the errors of the map and of the beam calibration.
   information.H = (planes.H + edges.H + textures.H) / mapping_.correlation_factor;
   information.b = (planes.b + edges.b + textures.b) / mapping_.correlation_factor;
+  information.noise_information = (planes.noise + edges.noise + textures.noise) / mapping_.correlation_factor;
+  Sum all = planes;
+  all += edges;
+  all += textures;
+  information.independent = static_cast<double>(all.count) / mapping_.correlation_factor;
+  if (all.count > 0) {
+    const double count = static_cast<double>(all.count);
+    information.centroid_imu = all.first_moment / count;
+    information.radius_m =
+        std::sqrt(std::max(0.0, all.second_moment / count - information.centroid_imu.squaredNorm()));
+  }
   information.squared_error = planes.squared_error + edges.squared_error;
   information.planes = planes.count;
   information.edges = edges.count / 2;

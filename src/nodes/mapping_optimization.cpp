@@ -293,7 +293,7 @@ void MappingOptimization::take_keyframe_clouds() {
       const mapping::EstimateResult& estimate = keyframes_.front().estimate;
       const Eigen::Isometry3d T_imu_lidar = known_->sensor.T_imu_lidar();
       const Eigen::Isometry3d T_odom_imu = estimate.state.T_odom_imu();
-      global_->add({estimate.state.stamp, T_odom_imu, estimate.covariance,
+      global_->add({estimate.state.stamp, T_odom_imu, estimate.map_covariance,
                     mapping::make_keyframe_cloud(points, keyframes_.front().features, T_imu_lidar,
                                                  config().mapping.output_map_voxel_m)});
       display_->add(points, global_->T_map_odom() * T_odom_imu * T_imu_lidar);

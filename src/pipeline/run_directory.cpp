@@ -38,7 +38,8 @@ RunDirectory::RunDirectory(const std::string& path, const Config& config)
       trajectory_((path_ / "trajectory.tum").string()),
       odometry_((path_ / "odometry.tum").string()),
       degeneracy_(open_for_writing(path_ / "degeneracy.csv")),
-      covariance_(open_for_writing(path_ / "covariance.csv")) {
+      covariance_(open_for_writing(path_ / "covariance.csv")),
+      directions_(open_for_writing(path_ / "directions.csv")) {
   std::ofstream run = open_for_writing(path_ / "run.yaml");
   run << "# fdi_lio " << kVersion << ", every parameter as used\n";
   write_config(config, run);
@@ -54,6 +55,7 @@ RunDirectory::RunDirectory(const std::string& path, const Config& config)
     for (int column = row; column < 6; ++column) covariance_ << ",c" << row << column;
   }
   covariance_ << '\n';
+  directions_ << "stamp,axis,probability,information,noise,rx,ry,rz,tx,ty,tz\n";
 }
 
 void RunDirectory::add(const ScanOutput& output) {
@@ -62,6 +64,7 @@ void RunDirectory::add(const ScanOutput& output) {
   odometry_.add(state.stamp, state.q_odom_imu, state.t_odom_imu);
   write_degeneracy(output);
   write_covariance(output.estimate);
+  write_directions(output.estimate);
   poses_.push_back({state.stamp, state.T_odom_imu()});
 }
 
@@ -88,6 +91,17 @@ void RunDirectory::write_covariance(const mapping::EstimateResult& estimate) {
   }
   covariance_ << '\n';
   check_written(covariance_, path_ / "covariance.csv");
+}
+
+void RunDirectory::write_directions(const mapping::EstimateResult& estimate) {
+  const degeneracy::OptimisationStatus& status = estimate.status;
+  for (int axis = 0; axis < 6; ++axis) {
+    directions_ << stamp_text(estimate.state.stamp) << ',' << axis << ',' << status.localizability[axis]
+                << ',' << estimate.axis_information[axis] << ',' << estimate.axis_noise[axis];
+    for (int row = 0; row < 6; ++row) directions_ << ',' << status.axes(row, axis);
+    directions_ << '\n';
+  }
+  check_written(directions_, path_ / "directions.csv");
 }
 
 void RunDirectory::write_global(const mapping::GlobalOptimizer& global, double map_voxel_m) const {

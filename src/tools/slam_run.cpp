@@ -18,7 +18,7 @@ void SlamRun::Part::add(const Config& config, const pipeline::ScanOutput& output
   directory.add(output);
   if (!output.estimate.is_keyframe) return;
   const auto begin = std::chrono::steady_clock::now();
-  global.add({output.estimate.state.stamp, output.estimate.state.T_odom_imu(), output.estimate.covariance,
+  global.add({output.estimate.state.stamp, output.estimate.state.T_odom_imu(), output.estimate.map_covariance,
               mapping::make_keyframe_cloud(output.scan.points, output.features, config.sensor.T_imu_lidar(),
                                            config.mapping.output_map_voxel_m)});
   times.add("global",

@@ -122,6 +122,9 @@ struct MappingConfig {
   double edge_weight = 0.1;
   double intensity_weight = 1.0;
   double intensity_voxel_m = 0.2;
+  bool use_localizability = true;
+  double localizability_margin = 1.0;
+  double drift_share = 1.0;
   double line_max_thickness_m = 0.05;
 
   void visit(ParameterVisitor& visitor);

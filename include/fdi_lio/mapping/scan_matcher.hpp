@@ -31,7 +31,13 @@ struct LidarInformation {
   Eigen::Vector3d t_odom_imu = Eigen::Vector3d::Zero();
   Matrix6d H = Matrix6d::Zero();
   Vector6d b = Vector6d::Zero();
+  /// Information that errors of the map's normals and intensity gradients add to H on the average without
+  /// any real constraint: sum over the residuals of their Jacobian's covariance over their variance.
+  Matrix6d noise_information = Matrix6d::Zero();
   double squared_error = 0.0;  ///< sum of squared plane and line distances [m^2]
+  double independent = 0.0;    ///< residuals, less those that share their errors with others
+  Eigen::Vector3d centroid_imu = Eigen::Vector3d::Zero();  ///< of the matched features
+  double radius_m = 0.0;                                   ///< their root mean square distance from it
   std::size_t planes = 0;
   std::size_t edges = 0;
   std::size_t textures = 0;

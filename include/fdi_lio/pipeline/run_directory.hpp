@@ -23,8 +23,8 @@ class RunDirectory {
   /// cannot be made or written.
   RunDirectory(const std::string& path, const Config& config);
 
-  /// Appends one scan to trajectory.tum, odometry.tum, degeneracy.csv and covariance.csv. Throws Error when
-  /// the disk takes no more.
+  /// Appends one scan to trajectory.tum, odometry.tum, degeneracy.csv, covariance.csv and directions.csv.
+  /// Throws Error when the disk takes no more.
   void add(const ScanOutput& output);
 
   /// Poses after global correction: trajectory.tum anew, map.pcd from the keyframes' clouds at `map_voxel_m`,
@@ -43,6 +43,7 @@ class RunDirectory {
  private:
   void write_degeneracy(const ScanOutput& output);
   void write_covariance(const mapping::EstimateResult& estimate);
+  void write_directions(const mapping::EstimateResult& estimate);
   void write_trajectory(const mapping::GlobalOptimizer& global) const;
   void write_fixes(const mapping::GlobalOptimizer& global) const;
 
@@ -56,6 +57,7 @@ class RunDirectory {
   evaluation::TrajectoryWriter odometry_;
   std::ofstream degeneracy_;
   std::ofstream covariance_;
+  std::ofstream directions_;
   std::vector<StampedPose> poses_;
 };
 
