@@ -29,8 +29,10 @@ constexpr float kAnywhereSq = 1e12F;
 /// needless.
 class CellImage {
  public:
-  CellImage(const DeskewedScan& scan, const std::vector<float>& levels, const RangeImage& image)
-      : width_(image.columns() + 2 * kBorder) {
+  /// The cells are kept in `memory`, which is used again by the next scan.
+  CellImage(const DeskewedScan& scan, const std::vector<float>& levels, const RangeImage& image,
+            std::vector<Eigen::Array4f>* memory)
+      : width_(image.columns() + 2 * kBorder), cells_(*memory) {
     const auto rows = static_cast<std::size_t>(image.rings() + 2 * kCoarseRings);
     cells_.assign(rows * static_cast<std::size_t>(width_), Eigen::Array4f(kNowhere_m, 0.0F, 0.0F, 0.0F));
     parallel_chunks(static_cast<std::size_t>(image.rings()), 8,
@@ -66,7 +68,7 @@ class CellImage {
   }
 
   int width_;
-  std::vector<Eigen::Array4f> cells_;
+  std::vector<Eigen::Array4f>& cells_;
 };
 
 /// Squared distance and difference of level of the cells in a window about one point.
@@ -152,7 +154,7 @@ using CoarseWindow = Window<kCoarseRings, kCoarseSteps>;
 IntensityGradient::IntensityGradient(const GradientConfig& config) : config_(config) {}
 
 std::vector<float> IntensityGradient::compute(const DeskewedScan& scan, const std::vector<float>& levels,
-                                              const RangeImage& image) const {
+                                              const RangeImage& image) {
   std::vector<float> gradients(scan.points.size(), 0.0F);
   const bool always_radius = config_.neighbourhood == "radius";
   const bool always_nearest = config_.neighbourhood == "knn";
@@ -160,7 +162,7 @@ std::vector<float> IntensityGradient::compute(const DeskewedScan& scan, const st
   const auto coarse_sq = static_cast<float>(config_.coarse_radius_m * config_.coarse_radius_m);
   const float column_rad = 2.0F * static_cast<float>(M_PI) / static_cast<float>(image.columns());
   const float spacing = static_cast<float>(config_.sample_spacing_m) / column_rad;
-  const CellImage cells(scan, levels, image);
+  const CellImage cells(scan, levels, image, &cells_);
   parallel_chunks(scan.ring_count(), 4, [&](std::size_t begin, std::size_t end, std::size_t) {
     std::vector<FineWindow> fine_windows;
     std::vector<CoarseWindow> coarse_windows;

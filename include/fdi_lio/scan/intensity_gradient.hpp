@@ -23,10 +23,11 @@ class IntensityGradient {
   /// Gradient of each point, in the order of `scan.points`; 0 where a point has no neighbour.
   /// `levels` are the intensities of IntensityModel::apply, of the same size.
   std::vector<float> compute(const DeskewedScan& scan, const std::vector<float>& levels,
-                             const RangeImage& image) const;
+                             const RangeImage& image);
 
  private:
   GradientConfig config_;
+  std::vector<Eigen::Array4f> cells_;  ///< memory of `compute`
 };
 
 }  // namespace fdi_lio::scan
