@@ -1,6 +1,5 @@
 #include "fdi_lio/mapping/map_builder.hpp"
 
-#include <cmath>
 #include <cstdio>
 #include <fstream>
 
@@ -15,15 +14,18 @@ void MapBuilder::add(const std::vector<Point>& points, const Eigen::Isometry3d& 
   const Eigen::Vector3d t = T_map_lidar.translation();
   for (const Point& point : points) {
     const Eigen::Vector3d p_map = R * point.position.cast<double>() + t;
-    const Eigen::Vector3i cell = (p_map / voxel_m_).array().floor().cast<int>();
+    const Eigen::Vector3d scaled = p_map / voxel_m_;
+    Eigen::Vector3i cell = scaled.cast<int>();  // std::floor is a call on the plainest x86-64
+    for (int axis = 0; axis < 3; ++axis) cell[axis] -= scaled[axis] < cell[axis] ? 1 : 0;
     std::uint64_t key = 0;
     for (int axis = 0; axis < 3; ++axis)
       key = (key << 21) | (static_cast<std::uint64_t>(cell[axis]) & 0x1fffff);
-    Voxel& voxel = voxels_[key];
-    if (voxel.count == 0) {
-      voxel.order = static_cast<std::uint32_t>(voxels_.size() - 1);
-      voxel.cell = cell;
+    const std::uint32_t number = index_.find_or_add(key);
+    if (number == voxels_.size()) {
+      voxels_.emplace_back();
+      voxels_.back().cell = cell;
     }
+    Voxel& voxel = voxels_[number];
     voxel.sum += (p_map - voxel_m_ * cell.cast<double>()).cast<float>();
     voxel.intensity_sum += point.intensity;
     ++voxel.count;
@@ -31,13 +33,14 @@ void MapBuilder::add(const std::vector<Point>& points, const Eigen::Isometry3d& 
 }
 
 std::vector<Point> MapBuilder::points() const {
-  std::vector<Point> points(voxels_.size());
-  for (const auto& entry : voxels_) {
-    const Voxel& voxel = entry.second;
+  std::vector<Point> points;
+  points.reserve(voxels_.size());
+  for (const Voxel& voxel : voxels_) {
     const float scale = 1.0F / static_cast<float>(voxel.count);
-    Point& point = points[voxel.order];
+    Point point;
     point.position = (voxel_m_ * voxel.cell.cast<double>()).cast<float>() + scale * voxel.sum;
     point.intensity = scale * voxel.intensity_sum;
+    points.push_back(point);
   }
   return points;
 }

@@ -28,6 +28,19 @@ constexpr double kPriorIntensityPoints = 10.0;
 
 int level_of(int slot) { return slot == 0 ? 2 : (slot < 9 ? 1 : 0); }
 
+/// Welford's update, exact for the mean and the scatter about it.
+void add_point(const Eigen::Vector3d& point, float intensity, Cell* cell) {
+  ++cell->count;
+  const Eigen::Vector3d before = point - cell->mean;
+  cell->mean += before / cell->count;
+  cell->scatter += before * (point - cell->mean).transpose();
+  const float intensity_before = intensity - cell->mean_intensity;
+  cell->mean_intensity += intensity_before / static_cast<float>(cell->count);
+  const double intensity_after = intensity - cell->mean_intensity;
+  cell->intensity_scatter += intensity_before * intensity_after;
+  cell->cross_scatter += before * intensity_after;
+}
+
 /// Linear regression of the intensity on the two coordinates in the surface.
 void regress_intensity(double least_spread_m, Cell* cell) {
   cell->intensity_gradient.setZero();
@@ -112,23 +125,17 @@ void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vec
     if (is_new) entry->second.cells.fill(kNone);
     for (const int slot : address.slots) {
       Cell* cell = cell_at(&entry->second, slot);
-      if (cell->count >= config_.max_points) continue;
-      // Welford's update, exact for the mean and the scatter about it.
-      ++cell->count;
+      // Scans count in full cells, too: one that fills early would never have a texture.
+      bool has_enough_scans = false;
       if (cell->newest_scan != scans_) {
         cell->newest_scan = scans_;
-        ++cell->scans;
+        has_enough_scans = ++cell->scans == config_.min_scans && config_.with_texture;
       }
-      const Eigen::Vector3d before = points[i] - cell->mean;
-      cell->mean += before / cell->count;
-      cell->scatter += before * (points[i] - cell->mean).transpose();
-      const float intensity_before = intensities[i] - cell->mean_intensity;
-      cell->mean_intensity += intensity_before / static_cast<float>(cell->count);
-      const double intensity_after = intensities[i] - cell->mean_intensity;
-      cell->intensity_scatter += intensity_before * intensity_after;
-      cell->cross_scatter += before * intensity_after;
+      const bool is_full = cell->count >= config_.max_points;
+      if (is_full && !has_enough_scans) continue;
+      if (!is_full) add_point(points[i], intensities[i], cell);
       if (cell->count < config_.min_points) continue;
-      if (cell->count_at_update == 0 || cell->count >= kGrowth * cell->count_at_update) {
+      if (has_enough_scans || cell->count_at_update == 0 || cell->count >= kGrowth * cell->count_at_update) {
         cell->count_at_update = cell->count;
         dirty.push_back({entry->second.cells[slot], level_of(slot)});
       }

@@ -15,27 +15,19 @@ namespace {
 constexpr int kColumnStride = 2;  ///< every second column is looked at; the others follow their neighbour
 constexpr int kLeastCells = 4;    ///< of the nine about a direction, that must hold a range
 
-struct Surroundings {
-  float nearest = std::numeric_limits<float>::max();
-  float centre = 0.0F;
+/// Whether all of the nine cells about a direction that hold a range saw farther than `range_m`, and enough
+/// do.
+bool saw_farther(const RangeImage& image, int ring, int column, float range_m) {
   int filled = 0;
-};
-
-/// The nine cells of an earlier image about a direction.
-Surroundings surroundings(const RangeImage& image, const RangeImage::Direction& direction) {
-  Surroundings found;
-  for (int dr = -1; dr <= 1; ++dr) {
-    const int ring = direction.ring + dr;
-    if (ring < 0 || ring >= image.rings()) continue;
-    for (int dc = -1; dc <= 1; ++dc) {
-      const float range = image.range_at(ring, direction.column + dc);
+  for (int r = std::max(0, ring - 1); r <= std::min(image.rings() - 1, ring + 1); ++r) {
+    for (int c = column - 1; c <= column + 1; ++c) {
+      const float range = image.range_at(r, c);
       if (range <= 0.0F) continue;
-      ++found.filled;
-      found.nearest = std::min(found.nearest, range);
-      if (dr == 0 && dc == 0) found.centre = range;
+      if (range <= range_m) return false;
+      ++filled;
     }
   }
-  return found;
+  return filled >= kLeastCells;
 }
 
 /// Groups cells of one image that touch. Cells are (ring, column / kColumnStride).
@@ -50,13 +42,14 @@ class ObjectGrower {
 
   int columns() const { return columns_; }
   std::size_t cell(int ring, int column) const {
-    const int wrapped = (column + columns_) % columns_;
+    const int wrapped = column < 0 ? column + columns_ : (column >= columns_ ? column - columns_ : column);
     return static_cast<std::size_t>(ring) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(wrapped);
   }
+  std::uint32_t point_of(int ring, int column) const { return image_.at(ring, column * kColumnStride); }
   std::uint32_t point_of(std::size_t cell) const {
     const auto columns = static_cast<std::size_t>(columns_);
-    return image_.at(static_cast<int>(cell / columns), static_cast<int>(cell % columns) * kColumnStride);
+    return point_of(static_cast<int>(cell / columns), static_cast<int>(cell % columns));
   }
 
   /// The cells that `accept` and that touch `seed`, directly or through others; none if seed was taken.
@@ -183,29 +176,43 @@ std::vector<const DynamicFilter::Past*> DynamicFilter::chosen_past(Stamp now) co
   return chosen;
 }
 
-DynamicFilter::Evidence DynamicFilter::weigh(const Eigen::Vector3f& point,
-                                             const std::vector<const Past*>& past,
-                                             const std::vector<Eigen::Isometry3f>& T_past_now) const {
-  int free = 0;
-  int fixed = 0;
-  for (std::size_t k = 0; k < past.size(); ++k) {
-    const Eigen::Vector3f then = T_past_now[k] * point;
-    const RangeImage::Direction direction = past[k]->image.look_at(then);
-    if (!direction.is_inside) continue;
-    const Surroundings seen = surroundings(past[k]->image, direction);
-    if (seen.filled < kLeastCells) continue;
-    const float range = direction.range_m;
-    const float margin =
-        static_cast<float>(config_.free_margin_m) + static_cast<float>(config_.free_margin_share) * range;
-    if (seen.nearest > range + margin) {
-      ++free;
-    } else if (seen.centre > 0.0F && std::abs(seen.centre - range) <= 0.5F * margin) {
-      ++fixed;
+std::vector<DynamicFilter::Evidence> DynamicFilter::weigh(const std::vector<Eigen::Vector3f>& points,
+                                                          const std::vector<const Past*>& past,
+                                                          const Eigen::Isometry3d& T_odom_lidar) const {
+  std::vector<int> free(points.size(), 0);
+  std::vector<int> fixed(points.size(), 0);
+  const auto margin_m = static_cast<float>(config_.free_margin_m);
+  const auto margin_share = static_cast<float>(config_.free_margin_share);
+  for (const Past* each : past) {
+    const Eigen::Isometry3f T_past_now = (each->T_odom_lidar.inverse() * T_odom_lidar).cast<float>();
+    RangeImage::Directions seen;
+    for (std::size_t first = 0; first < points.size(); first += RangeImage::Directions::kSize) {
+      const auto size = std::min<std::size_t>(RangeImage::Directions::kSize, points.size() - first);
+      for (std::size_t k = 0; k < size; ++k) seen.set(static_cast<int>(k), points[first + k]);
+      each->image.look_at(T_past_now, &seen);
+      for (std::size_t k = 0; k < size; ++k) {
+        const auto at = static_cast<int>(k);
+        if (seen.ring[at] < 0) continue;
+        const float range = seen.range_m[at];
+        const float margin = margin_m + margin_share * range;
+        const float centre = each->image.range_at(seen.ring[at], seen.column[at]);
+        if (centre > 0.0F && std::abs(centre - range) <= 0.5F * margin) {
+          ++fixed[first + k];
+        } else if (saw_farther(each->image, seen.ring[at], seen.column[at], range + margin)) {
+          ++free[first + k];
+        }
+      }
     }
   }
-  if (fixed > 0 && fixed >= free) return Evidence::kStatic;
-  if (free > 0) return Evidence::kFree;
-  return Evidence::kUnknown;
+  std::vector<Evidence> evidence(points.size(), Evidence::kUnknown);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (fixed[i] > 0 && fixed[i] >= free[i]) {
+      evidence[i] = Evidence::kStatic;
+    } else if (free[i] > 0) {
+      evidence[i] = Evidence::kFree;
+    }
+  }
+  return evidence;
 }
 
 std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const RangeImage& image,
@@ -213,19 +220,24 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
   std::vector<RemovalReason> reasons(scan.points.size(), RemovalReason::kNone);
   const std::vector<const Past*> past = chosen_past(scan.stamp);
   if (past.empty()) return reasons;
-  std::vector<Eigen::Isometry3f> T_past_now;
-  for (const Past* each : past)
-    T_past_now.push_back((each->T_odom_lidar.inverse() * T_odom_lidar).cast<float>());
 
   ObjectGrower grower(scan, image, config_);
   const auto rings = static_cast<std::size_t>(image.rings());
   const auto columns = static_cast<std::size_t>(grower.columns());
   std::vector<Evidence> evidence(rings * columns, Evidence::kNone);
   parallel_chunks(rings, 4, [&](std::size_t begin, std::size_t end, std::size_t) {
-    for (std::size_t at = begin * columns; at < end * columns; ++at) {
-      const std::uint32_t i = grower.point_of(at);
-      if (i != RangeImage::kNone) evidence[at] = weigh(scan.points[i].position, past, T_past_now);
+    std::vector<Eigen::Vector3f> points;
+    std::vector<std::size_t> cells;
+    for (std::size_t ring = begin; ring < end; ++ring) {
+      for (std::size_t column = 0; column < columns; ++column) {
+        const std::uint32_t i = grower.point_of(static_cast<int>(ring), static_cast<int>(column));
+        if (i == RangeImage::kNone) continue;
+        points.push_back(scan.points[i].position);
+        cells.push_back(ring * columns + column);
+      }
     }
+    const std::vector<Evidence> found = weigh(points, past, T_odom_lidar);
+    for (std::size_t k = 0; k < cells.size(); ++k) evidence[cells[k]] = found[k];
   });
 
   std::vector<RemovalReason> of_cell(rings * columns, RemovalReason::kNone);

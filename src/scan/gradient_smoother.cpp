@@ -1,5 +1,6 @@
 #include "fdi_lio/scan/gradient_smoother.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -27,20 +28,27 @@ std::vector<float> GradientSmoother::update(const DeskewedScan& scan, const Rang
   if (previous_ && T_previous_lidar) {
     const Eigen::Isometry3f T = T_previous_lidar->cast<float>();
     parallel_chunks(count, kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
-      for (std::size_t i = begin; i < end; ++i) {
-        const RangeImage::Direction seen = previous_->image.look_at(T * scan.points[i].position);
-        if (!seen.is_inside) continue;
-        const std::uint32_t j = previous_->image.at(seen.ring, seen.column);
-        if (j == RangeImage::kNone) continue;
-        const float jump = std::abs(previous_->image.range_at(seen.ring, seen.column) - seen.range_m);
-        if (jump > kSameSurface_m + kSameSurfaceShare * seen.range_m) continue;
-        const float predicted = previous_->mean[j];
-        const float P = previous_->variance[j] + Q;
-        const float innovation = (*gradients)[i] - predicted;
-        const float gain = P / (P + R);
-        now.mean[i] = predicted + gain * innovation;
-        now.variance[i] = (1.0F - gain) * P;
-        stability[i] = std::exp(-std::abs(innovation) / std::sqrt(P + R));
+      RangeImage::Directions seen;
+      for (std::size_t first = begin; first < end; first += RangeImage::Directions::kSize) {
+        const int size = static_cast<int>(std::min<std::size_t>(RangeImage::Directions::kSize, end - first));
+        for (int k = 0; k < size; ++k) seen.set(k, scan.points[first + static_cast<std::size_t>(k)].position);
+        previous_->image.look_at(T, &seen);
+        for (int k = 0; k < size; ++k) {
+          if (seen.ring[k] < 0) continue;
+          const std::uint32_t j = previous_->image.at(seen.ring[k], seen.column[k]);
+          if (j == RangeImage::kNone) continue;
+          const float jump =
+              std::abs(previous_->image.range_at(seen.ring[k], seen.column[k]) - seen.range_m[k]);
+          if (jump > kSameSurface_m + kSameSurfaceShare * seen.range_m[k]) continue;
+          const std::size_t i = first + static_cast<std::size_t>(k);
+          const float predicted = previous_->mean[j];
+          const float P = previous_->variance[j] + Q;
+          const float innovation = (*gradients)[i] - predicted;
+          const float gain = P / (P + R);
+          now.mean[i] = predicted + gain * innovation;
+          now.variance[i] = (1.0F - gain) * P;
+          stability[i] = std::exp(-std::abs(innovation) / std::sqrt(P + R));
+        }
       }
     });
   }

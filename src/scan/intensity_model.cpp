@@ -17,6 +17,7 @@ constexpr std::size_t kChunk = 8192;
 /// Intensities are constant when more than this share of them are one value.
 constexpr double kConstantShare = 0.98;
 constexpr float kLeastCosine = 0.1F;
+constexpr float kLargestIntensity = 1e20F;  ///< instead of infinity, so that J stays finite
 /// Gains are the mean over the first scans, then follow slowly: only what stays with the beam counts.
 constexpr int kGainScans = 50;
 constexpr int kGainColumnStride = 4;
@@ -59,17 +60,20 @@ bool IntensityModel::is_usable(const DeskewedScan& scan, float* median) {
                       "the intensities of a scan are zero or not finite: geometry alone is used");
     return false;
   }
-  std::sort(sample.begin(), sample.end());
-  *median = sample[sample.size() / 2];
-  const auto equal = std::equal_range(sample.begin(), sample.end(), *median);
-  if (static_cast<double>(equal.second - equal.first) > kConstantShare * static_cast<double>(sample.size())) {
+  const auto ranked = [&sample](std::size_t rank) {
+    std::nth_element(sample.begin(), sample.begin() + static_cast<std::ptrdiff_t>(rank), sample.end());
+    return sample[rank];
+  };
+  *median = ranked(sample.size() / 2);
+  const auto equal = std::count(sample.begin(), sample.end(), *median);
+  if (static_cast<double>(equal) > kConstantShare * static_cast<double>(sample.size())) {
     reporter_->report(Severity::kWarning, "intensity_constant",
                       "nearly all intensities of a scan are " + std::to_string(*median) +
                           " (constant or saturated): geometry alone is used");
     return false;
   }
   // Where most returns are zero the median of the others still tells the scale.
-  if (*median <= 0.0F) *median = sample[sample.size() - positive / 2 - 1];
+  if (*median <= 0.0F) *median = ranked(sample.size() - positive / 2 - 1);
   return true;
 }
 
@@ -94,6 +98,12 @@ float IntensityModel::range_profile(float range_m) const {
   return profile_[std::min(static_cast<std::size_t>(range_m / kProfileStep_m), profile_.size() - 1)];
 }
 
+std::size_t IntensityModel::range_bin(double range_m) {
+  int exponent = 0;  // of the square: half octaves
+  std::frexp(range_m * range_m, &exponent);
+  return static_cast<std::size_t>(std::clamp(exponent - 1, 0, static_cast<int>(kRangeBins) - 1));
+}
+
 void IntensityModel::learn_range_profile(const RangeImage& image, const std::vector<float>& levels) {
   for (double& sum : cross_) sum *= kProfileMemory;
   for (double& sum : square_) sum *= kProfileMemory;
@@ -105,8 +115,7 @@ void IntensityModel::learn_range_profile(const RangeImage& image, const std::vec
     if (std::abs(other - range) > kSharedRange * range) return;
     const double step = (other - range) / (0.5 * (other + range));  // d ln(r)
     const double change = std::clamp(levels[j] - levels[i], -kLargestGainStep, kLargestGainStep);
-    const double octaves = std::log2(std::max(1.0F, range));
-    const std::size_t bin = std::min(static_cast<std::size_t>(2.0 * octaves), kRangeBins - 1);
+    const std::size_t bin = range_bin(range);
     cross_[bin] += change * step;
     square_[bin] += step * step;
   };
@@ -123,8 +132,7 @@ void IntensityModel::learn_range_profile(const RangeImage& image, const std::vec
   double value = 0.0;
   for (std::size_t k = 1; k < kProfileSteps; ++k) {
     const double range = kProfileStep_m * (static_cast<double>(k) + 0.5);
-    const double octaves = std::log2(std::max(1.0, range));
-    const std::size_t bin = std::min(static_cast<std::size_t>(2.0 * octaves), kRangeBins - 1);
+    const std::size_t bin = range_bin(range);
     value += cross_[bin] / (square_[bin] + kProfilePrior) * kProfileStep_m / range;
     profile_[k] = static_cast<float>(value);
   }
@@ -171,12 +179,15 @@ std::vector<float> IntensityModel::apply(const DeskewedScan& scan, const RangeIm
   const auto reference = static_cast<float>(config_.reference_range_m);
   parallel_chunks(levels.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t i = begin; i < end; ++i) {
-      float intensity = std::max(0.0F, scan.points[i].intensity);
+      float intensity = std::min(std::max(0.0F, scan.points[i].intensity), kLargestIntensity);
       if (range_exponent > 0.0F)
         intensity *= std::pow(scan.points[i].position.norm() / reference, range_exponent);
       if (incidence_exponent > 0.0F) intensity /= std::pow(incidence_cosine(scan, i), incidence_exponent);
-      levels[i] = std::log1p(intensity / scale_) - gains_[scan.points[i].ring];
+      levels[i] = 1.0F + intensity / scale_;
     }
+    Eigen::Map<Eigen::ArrayXf> chunk(levels.data() + begin, static_cast<Eigen::Index>(end - begin));
+    chunk = chunk.log();  // several at a time
+    for (std::size_t i = begin; i < end; ++i) levels[i] -= gains_[scan.points[i].ring];
   });
   if (config_.range_profile) {
     learn_range_profile(image, levels);

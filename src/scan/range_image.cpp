@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "fdi_lio/common/parallel.hpp"
 
@@ -15,28 +16,35 @@ constexpr int kMaxColumns = 4096;
 constexpr double kColumnTolerance = 0.15;
 constexpr std::size_t kSpacingStride = 7;
 
-}  // namespace
-
-float fast_atan2(float y, float x) {
+/// Without branches, so that the compiler computes several at a time.
+inline float branchless_atan2(float y, float x) {
   const float ax = std::abs(x);
   const float ay = std::abs(y);
-  const float larger = std::max(ax, ay);
-  if (larger == 0.0F) return 0.0F;
+  const float larger = std::max(std::max(ax, ay), std::numeric_limits<float>::min());
   const float t = std::min(ax, ay) / larger;
   // Least-squares fit of atan(t) / t in t^2 on [0, 1].
   const float s = t * t;
-  float angle = (((((-0.0122997F * s + 0.0540827F) * s - 0.1176952F) * s + 0.1940199F) * s - 0.3326944F) * s +
-                 0.9999801F) *
-                t;
-  if (ay > ax) angle = 0.5F * kPi - angle;
-  if (x < 0.0F) angle = kPi - angle;
-  return y < 0.0F ? -angle : angle;
+  const float octant =
+      (((((-0.0122997F * s + 0.0540827F) * s - 0.1176952F) * s + 0.1940199F) * s - 0.3326944F) * s +
+       0.9999801F) *
+      t;
+  const float quadrant = std::abs((ay > ax ? 0.5F * kPi : 0.0F) - octant);
+  return std::copysign(std::abs((x < 0.0F ? kPi : 0.0F) - quadrant), y);
 }
 
-int RangeImage::column_of(const Eigen::Vector3f& point) const {
-  const float turns = (kPi - fast_atan2(point.y(), point.x())) / (2.0F * kPi);
-  return std::min(static_cast<int>(turns * static_cast<float>(columns_)), columns_ - 1);
+inline int column_of(float x, float y, int columns) {
+  const float turns = (kPi - branchless_atan2(y, x)) * (0.5F / kPi);
+  return std::min(static_cast<int>(turns * static_cast<float>(columns)), columns - 1);
 }
+
+/// Bin of RangeImage's table of elevations.
+inline int elevation_bin(float sine, int bins) {
+  return std::min(std::max(static_cast<int>((sine + 1.0F) * 0.5F * static_cast<float>(bins)), 0), bins - 1);
+}
+
+}  // namespace
+
+float fast_atan2(float y, float x) { return branchless_atan2(y, x); }
 
 void RangeImage::choose_columns(const DeskewedScan& scan) {
   std::vector<float> steps;
@@ -81,11 +89,8 @@ void RangeImage::learn_elevations(const DeskewedScan& scan) {
     const float gap_above = above > 0.0F ? above : below;
     // Half the gap belongs to each of two neighbours, but a beam never sees farther than one degree.
     constexpr float kFarthest = 0.0175F;
-    const auto bin = [](float sine) {
-      return std::clamp(static_cast<int>((sine + 1.0F) * 0.5F * kElevationBins), 0, kElevationBins - 1);
-    };
-    const int first = bin(beams[k].sine - std::min(0.5F * gap_below, kFarthest));
-    const int last = bin(beams[k].sine + std::min(0.5F * gap_above, kFarthest));
+    const int first = elevation_bin(beams[k].sine - std::min(0.5F * gap_below, kFarthest), kElevationBins);
+    const int last = elevation_bin(beams[k].sine + std::min(0.5F * gap_above, kFarthest), kElevationBins);
     for (int b = first; b <= last; ++b) ring_of_sine_[b] = static_cast<std::int16_t>(beams[k].ring);
   }
 }
@@ -97,33 +102,56 @@ void RangeImage::build(DeskewedScan* scan) {
   index_.assign(cells, kNone);
   range_.assign(cells, 0.0F);
   parallel_chunks(static_cast<std::size_t>(rings_), 8, [&](std::size_t begin, std::size_t end, std::size_t) {
+    Directions block;
     for (std::size_t ring = begin; ring < end; ++ring) {
-      for (std::uint32_t i = scan->ring_begin[ring]; i < scan->ring_begin[ring + 1]; ++i) {
-        Point& point = scan->points[i];
-        const int column = column_of(point.position);
-        point.column = static_cast<std::uint16_t>(column);
-        const std::size_t at = cell(static_cast<int>(ring), column);
-        const float range = point.position.norm();
-        if (index_[at] != kNone && range_[at] <= range) continue;
-        index_[at] = i;
-        range_[at] = range;
+      const std::uint32_t last = scan->ring_begin[ring + 1];
+      for (std::uint32_t first = scan->ring_begin[ring]; first < last; first += Directions::kSize) {
+        const int size = static_cast<int>(std::min<std::uint32_t>(Directions::kSize, last - first));
+        for (int k = 0; k < size; ++k)
+          block.set(k, scan->points[first + static_cast<std::uint32_t>(k)].position);
+        project(&block);
+        for (int k = 0; k < size; ++k) {
+          const std::uint32_t i = first + static_cast<std::uint32_t>(k);
+          scan->points[i].column = static_cast<std::uint16_t>(block.column[k]);
+          const std::size_t at = cell(static_cast<int>(ring), block.column[k]);
+          if (index_[at] != kNone && range_[at] <= block.range_m[k]) continue;
+          index_[at] = i;
+          range_[at] = block.range_m[k];
+        }
       }
     }
   });
   learn_elevations(*scan);
 }
 
+void RangeImage::project(Directions* directions) const {
+  Directions& d = *directions;
+  d.range_m = (d.x.square() + d.y.square() + d.z.square()).sqrt();
+  const int columns = columns_;
+  for (int k = 0; k < Directions::kSize; ++k) d.column[k] = column_of(d.x[k], d.y[k], columns);
+}
+
+void RangeImage::look_at(const Eigen::Isometry3f& T, Directions* directions) const {
+  Directions& d = *directions;
+  const Eigen::Matrix3f R = T.linear();
+  const Eigen::Vector3f t = T.translation();
+  const Directions::Floats x = R(0, 0) * d.x + R(0, 1) * d.y + R(0, 2) * d.z + t.x();
+  const Directions::Floats y = R(1, 0) * d.x + R(1, 1) * d.y + R(1, 2) * d.z + t.y();
+  d.z = R(2, 0) * d.x + R(2, 1) * d.y + R(2, 2) * d.z + t.z();
+  d.x = x;
+  d.y = y;
+  project(directions);
+  const Directions::Floats sine = d.z / d.range_m.max(std::numeric_limits<float>::min());
+  for (int k = 0; k < Directions::kSize; ++k) d.ring[k] = elevation_bin(sine[k], kElevationBins);
+  for (int k = 0; k < Directions::kSize; ++k)
+    d.ring[k] = columns_ > 0 && d.range_m[k] > 0.0F ? ring_of_sine_[d.ring[k]] : -1;
+}
+
 RangeImage::Direction RangeImage::look_at(const Eigen::Vector3f& point) const {
-  Direction direction;
-  direction.range_m = point.norm();
-  if (columns_ == 0 || direction.range_m <= 0.0F) return direction;
-  const float sine = point.z() / direction.range_m;
-  const int bin = std::clamp(static_cast<int>((sine + 1.0F) * 0.5F * kElevationBins), 0, kElevationBins - 1);
-  if (ring_of_sine_[bin] < 0) return direction;
-  direction.ring = ring_of_sine_[bin];
-  direction.column = column_of(point);
-  direction.is_inside = true;
-  return direction;
+  Directions one;
+  one.set(0, point);
+  look_at(Eigen::Isometry3f::Identity(), &one);
+  return {one.ring[0], one.column[0], one.range_m[0], one.ring[0] >= 0};
 }
 
 }  // namespace fdi_lio::scan

@@ -117,6 +117,25 @@ TEST(Texture, NeedsThreeInsertions) {
   EXPECT_GT(Wall(ramp, 10).textured_places(), 250);
 }
 
+TEST(Texture, CellThatIsFullAfterOneScanHasItsTextureAfterThree) {
+  VoxelMap map(texture_config());
+  std::vector<Eigen::Vector3d> points;
+  std::vector<float> levels;
+  for (int k = 0; k < 400; ++k) {
+    points.emplace_back(0.2, 0.02 * (k % 20) + 0.01, 0.02 * (k / 20 % 20) + 0.01);
+    levels.push_back(static_cast<float>(ramp(points.back())));
+  }
+  const Eigen::Vector3d middle(0.2, 0.2, 0.2);
+  for (int scan = 1; scan <= 3; ++scan) {
+    EXPECT_EQ(map.find_texture(middle), nullptr) << "before scan " << scan;
+    map.insert(points, levels);
+    EXPECT_EQ(map.find_plane(middle, false)->count, VoxelMapConfig().max_points);
+  }
+  const Cell* cell = map.find_texture(middle);
+  ASSERT_NE(cell, nullptr);
+  EXPECT_LT((cell->intensity_gradient - kRamp).norm(), 0.05 * kRamp.norm());
+}
+
 TEST(Texture, MapWithoutTextureFindsNone) {
   VoxelMap map(VoxelMapConfig{});
   for (int scan = 0; scan < 5; ++scan) {

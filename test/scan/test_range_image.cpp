@@ -88,6 +88,36 @@ TEST(RangeImage, EveryPointIsSeenInItsOwnCell) {
   EXPECT_LT(hidden, scan.points.size() / 50);
 }
 
+TEST(RangeImage, LooksAtManyMovedPointsAtOnce) {
+  LabelledScan labelled = hall_scan();
+  RangeImage image;
+  image.build(&labelled.scan);
+  const Eigen::Isometry3f T = pose_at(0.3, -0.2, 0.7).cast<float>();
+  RangeImage::Directions many;
+  int inside = 0;
+  for (int k = 0; k < RangeImage::Directions::kSize; ++k)
+    many.set(
+        k,
+        labelled.scan
+            .points[labelled.scan.points.size() / RangeImage::Directions::kSize * static_cast<std::size_t>(k)]
+            .position);
+  const RangeImage::Directions before = many;
+  image.look_at(T, &many);
+  for (int k = 0; k < RangeImage::Directions::kSize; ++k) {
+    const Eigen::Vector3f p = T * Eigen::Vector3f(before.x[k], before.y[k], before.z[k]);
+    const double azimuth = std::atan2(static_cast<double>(p.y()), static_cast<double>(p.x()));
+    EXPECT_NEAR(many.column[k], (M_PI - azimuth) / (2.0 * M_PI) * image.columns() - 0.5, 0.51);
+    EXPECT_NEAR(many.range_m[k], p.norm(), 1e-5F * p.norm());
+    const RangeImage::Direction alone = image.look_at(p);
+    EXPECT_EQ(alone.is_inside, many.ring[k] >= 0);
+    if (!alone.is_inside) continue;
+    EXPECT_EQ(alone.ring, many.ring[k]);
+    EXPECT_NEAR(alone.column, many.column[k], 1);
+    ++inside;
+  }
+  EXPECT_GT(inside, RangeImage::Directions::kSize / 2);
+}
+
 TEST(RangeImage, ACellHoldsItsNearestPointAndColumnsWrap) {
   LabelledScan labelled = hall_scan();
   RangeImage image;

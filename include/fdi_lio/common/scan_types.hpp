@@ -16,7 +16,7 @@ struct Point {
   float intensity = 0.0F;                              ///< the sensor's own scale
   float time_s = 0.0F;       ///< seconds relative to the scan's reference stamp (<= 0)
   std::uint16_t ring = 0;    ///< beam, 0 is the lowest
-  std::uint16_t column = 0;  ///< azimuth bin of the range image, filled by scan::order_by_ring
+  std::uint16_t column = 0;  ///< azimuth bin of the range image, filled by scan::RangeImage::build
 };
 
 /// What the conversion of one message dropped, by reason.

@@ -2,11 +2,11 @@
 
 #include <cstdint>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
 #include <Eigen/Geometry>
 
+#include "fdi_lio/common/key_index.hpp"
 #include "fdi_lio/common/scan_types.hpp"
 
 namespace fdi_lio::mapping {
@@ -33,12 +33,12 @@ class MapBuilder {
     Eigen::Vector3f sum = Eigen::Vector3f::Zero();  ///< of offsets from the voxel's corner
     float intensity_sum = 0.0F;
     std::uint32_t count = 0;
-    std::uint32_t order = 0;  ///< of the first point, so that the file does not depend on the hash
     Eigen::Vector3i cell = Eigen::Vector3i::Zero();
   };
 
   double voxel_m_;
-  std::unordered_map<std::uint64_t, Voxel> voxels_;
+  KeyIndex index_;
+  std::vector<Voxel> voxels_;  ///< in the order in which they were first filled
 };
 
 }  // namespace fdi_lio::mapping

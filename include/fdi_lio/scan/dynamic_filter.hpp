@@ -22,7 +22,9 @@ namespace fdi_lio::scan {
 ///
 /// Mode `full` asks what earlier scans saw. Each point is looked up in the range images of some earlier
 /// scans:
-///   free      all nine cells about its direction saw farther: what is there now was not there then;
+///   free      all of the nine cells about its direction that saw anything saw farther, and at least four
+///   did:
+///             what is there now was not there then;
 ///   static    the cell saw a surface at the same place;
 ///   unknown   neither, as when something nearer hid the place.
 /// Free points that touch form an object. It is dropped when it has too few points, or when it touches too
@@ -53,8 +55,10 @@ class DynamicFilter {
   std::vector<RemovalReason> full(const DeskewedScan& scan, const RangeImage& image,
                                   const Eigen::Isometry3d& T_odom_lidar) const;
   std::vector<const Past*> chosen_past(Stamp now) const;
-  Evidence weigh(const Eigen::Vector3f& point, const std::vector<const Past*>& past,
-                 const std::vector<Eigen::Isometry3f>& T_past_now) const;
+  /// What the earlier scans say of each of `points`.
+  std::vector<Evidence> weigh(const std::vector<Eigen::Vector3f>& points,
+                              const std::vector<const Past*>& past,
+                              const Eigen::Isometry3d& T_odom_lidar) const;
   void remember(const DeskewedScan& scan, const RangeImage& image, const Eigen::Isometry3d& T_odom_lidar);
 
   DynamicConfig config_;

@@ -37,6 +37,7 @@ class IntensityModel {
  private:
   bool is_usable(const DeskewedScan& scan, float* median);
   void follow_scale(float median);
+  static std::size_t range_bin(double range_m);
   void learn_range_profile(const RangeImage& image, const std::vector<float>& levels);
   void learn_gains(const RangeImage& image, const std::vector<float>& levels);
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "fdi_lio/common/scan_types.hpp"
 
@@ -39,6 +39,25 @@ class RangeImage {
   };
   Direction look_at(const Eigen::Vector3f& point) const;
 
+  /// The same for many points, several at a time.
+  struct Directions {
+    static constexpr int kSize = 64;
+    using Floats = Eigen::Array<float, kSize, 1>;
+    using Integers = Eigen::Array<std::int32_t, kSize, 1>;
+    Floats x = Floats::Zero(), y = Floats::Zero(), z = Floats::Zero();  ///< points [m]
+    Floats range_m = Floats::Zero();
+    Integers column = Integers::Zero();
+    Integers ring = Integers::Zero();  ///< -1 where no beam looks
+
+    void set(int k, const Eigen::Vector3f& point) {
+      x[k] = point.x();
+      y[k] = point.y();
+      z[k] = point.z();
+    }
+  };
+  /// Fills range, column and ring of the points (x, y, z), which are moved to `T` times them.
+  void look_at(const Eigen::Isometry3f& T, Directions* directions) const;
+
  private:
   static constexpr int kElevationBins = 4096;
 
@@ -47,7 +66,8 @@ class RangeImage {
     return static_cast<std::size_t>(ring) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(wrapped);
   }
-  int column_of(const Eigen::Vector3f& point) const;
+  /// Fills range and column.
+  void project(Directions* directions) const;
   void choose_columns(const DeskewedScan& scan);
   void learn_elevations(const DeskewedScan& scan);
 
