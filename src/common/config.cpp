@@ -191,6 +191,12 @@ void MappingConfig::visit(ParameterVisitor& v) {
   v.real({"mapping.drift_share", "",
           "factor on the share of a pose's covariance that stays in the map for each feature radius of way"},
          drift_share, 0.0, 1000.0);
+  v.flag({"mapping.calibrate_beams", "", "learn the systematic errors of each beam against the map"},
+         calibrate_beams);
+  v.real({"mapping.beam_range_sigma", "m", "expected deviation of the beams' range errors"},
+         beam_range_sigma_m, 1e-4, 1.0);
+  v.real({"mapping.beam_angle_sigma", "deg", "expected deviation of the beams' angle errors"},
+         beam_angle_sigma_deg, 1e-4, 1.0);
   v.real({"mapping.plane_weight", "", "factor on the information of plane matches"}, plane_weight, 0.0,
          100.0);
   v.real({"mapping.edge_weight", "",

@@ -10,6 +10,7 @@
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/imu/initialisation.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
+#include "fdi_lio/mapping/beam_calibration.hpp"
 #include "fdi_lio/mapping/localizability.hpp"
 #include "fdi_lio/mapping/map_drift.hpp"
 #include "fdi_lio/mapping/scan_matcher.hpp"
@@ -23,11 +24,26 @@ namespace {
 /// The first scans, before a velocity is known, look farther and iterate longer.
 constexpr int kStartScans = 5;
 constexpr int kStartIterations = 20;
-constexpr double kStartMaxResidual = 3.0;
+constexpr double kStartMaxResidual = 1.0;
+/// Motions that are tried at the start: speeds up to the fastest road vehicles, in all level directions.
+constexpr double kStartSpeedStep = 4.0;
+constexpr int kStartSpeeds = 12;
+constexpr int kStartDirections = 24;
+constexpr std::size_t kStartPoints = 2000;
+/// Share of the points that must fit better before a motion is believed rather than the prediction.
+constexpr double kStartGain = 0.02;
 /// A pose needs this many matches to be trusted at all.
 constexpr std::size_t kMinMatches = 30;
 constexpr double kMapTrimDistance = 10.0;
 constexpr double kMaxStaticSpeed = 0.1;
+/// A scan enters the map when the sensor has moved so far, or is one of the first: standing still, the beams
+/// hit the same spots again and again, and cells would fill up knowing nothing but these.
+constexpr double kInsertDistance = 0.05;  ///< [m]
+constexpr double kInsertAngle = 0.01;     ///< [rad]
+constexpr int kFirstInserted = 10;
+constexpr double kRestAccelerationSigma = 0.01;  ///< of the mean over the static duration [m/s^2]
+constexpr std::size_t kBeamSamples = 4000;       ///< points of a scan that beam errors are learned from
+constexpr std::uint32_t kBeamScans = 5;          ///< that a plane must have been seen by before it teaches
 
 VoxelMapConfig map_config(const MappingConfig& mapping, double voxel_m, double max_thickness_m) {
   VoxelMapConfig config;
@@ -35,6 +51,14 @@ VoxelMapConfig map_config(const MappingConfig& mapping, double voxel_m, double m
   config.min_points = static_cast<std::uint32_t>(mapping.plane_min_points);
   config.max_points = static_cast<std::uint32_t>(mapping.max_points_per_voxel);
   config.max_thickness_m = max_thickness_m;
+  return config;
+}
+
+BeamCalibrationConfig beam_config(const MappingConfig& mapping) {
+  BeamCalibrationConfig config;
+  config.range_sigma_m = mapping.beam_range_sigma_m;
+  config.angle_sigma_rad = mapping.beam_angle_sigma_deg * M_PI / 180.0;
+  config.correlation_factor = mapping.correlation_factor;
   return config;
 }
 
@@ -84,9 +108,10 @@ class Estimator::Implementation {
         edge_map_(
             map_config(config.mapping, config.mapping.map_voxel_m, config.mapping.line_max_thickness_m)),
         texture_map_(texture_map_config(config.mapping)),
-        drift_(config.mapping.drift_share) {}
+        drift_(config.mapping.drift_share),
+        beams_(beam_config(config.mapping)) {}
 
-  std::optional<EstimateResult> add(const FeatureSet& features, const degeneracy::Degeneracy& degeneracy,
+  std::optional<EstimateResult> add(const FeatureSet& measured, const degeneracy::Degeneracy& degeneracy,
                                     const std::optional<imu::Preintegration>& imu);
 
   void resume(const imu::NavState& state) { resumed_ = state; }
@@ -103,10 +128,18 @@ class Estimator::Implementation {
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   LidarInformation optimise(const MatchInput& input, EstimateResult* result);
+  void add_directions(const MatchInput& input, const imu::NavState& at, const MatchSettings& settings,
+                      LidarInformation* information, EstimateResult* result) const;
+  Eigen::Vector3d search_start_motion(const MatchInput& input) const;
   void try_static_start(const imu::Preintegration& imu);
   void try_moving_start(const imu::Preintegration& imu);
   void adopt_imu(imu::NavState state, const Smoother::InitialSigma& sigma);
+  FeatureSet without_beam_errors(const FeatureSet& features) const;
+  void learn_beam_errors(const FeatureSet& features);
+  Eigen::Vector3d beam_of(const Point& point, const Eigen::Vector3d& v_lidar) const;
+  Eigen::Vector3d v_lidar() const;
   void insert(const FeatureSet& features);
+  bool has_moved_on() const;
   bool decide_keyframe();
   MatchInput match_input(const FeatureSet& features) const;
   std::vector<Eigen::Vector3d> to_body(const std::vector<Point>& points) const;
@@ -120,11 +153,13 @@ class Estimator::Implementation {
   VoxelMap edge_map_;
   VoxelMap texture_map_;
   MapDrift drift_;
+  BeamCalibration beams_;
   int scan_count_ = 0;
   std::optional<imu::NavState> resumed_;
   imu::NavState before_;  ///< estimate of the scan before
   imu::NavState alignment_start_;
   std::vector<imu::AlignmentInterval> alignment_;
+  Eigen::Isometry3d T_odom_inserted_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_odom_keyframe_ = Eigen::Isometry3d::Identity();
   Eigen::Vector3d trimmed_at_ = Eigen::Vector3d::Zero();
 };
@@ -209,32 +244,79 @@ void Estimator::Implementation::predict(const FeatureSet& features,
   smoother_.add(predicted, motion, false);
 }
 
+/// Directions that geometry leaves open are filled by textures, and what still is open is left to the IMU.
+void Estimator::Implementation::add_directions(const MatchInput& input, const imu::NavState& at,
+                                               const MatchSettings& settings, LidarInformation* information,
+                                               EstimateResult* result) const {
+  const double margin = config_.mapping.localizability_margin;
+  const Localizability geometric = analyse_localizability(*information, margin);
+  result->status.axes = geometric.axes;
+  result->status.localizability = geometric.probability;
+  result->axis_information = geometric.information;
+  result->axis_noise = geometric.noise_information;
+  if (!input.textures.empty()) {
+    const LidarInformation textures =
+        matcher_.linearise_textures(input, texture_map_, at.q_odom_imu, at.t_odom_imu, settings);
+    add_in_weak_directions(geometric, textures, information);
+  }
+  if (config_.mapping.use_localizability) soften(analyse_localizability(*information, margin), information);
+}
+
+/// Shift from the predicted position, in odom, at which the scan fits the map clearly better than anywhere
+/// else that a vehicle could have got to since the scan before; zero when none does. Registration alone does
+/// not find it: with the first scan as map it is drawn to whatever is near, and in the direction of a road
+/// noise moves it.
+Eigen::Vector3d Estimator::Implementation::search_start_motion(const MatchInput& input) const {
+  const imu::NavState& predicted = smoother_.newest();
+  MatchInput few = input;
+  few.planes = thin_out(input.planes, kStartPoints);
+  few.textures.clear();
+  MatchSettings settings;
+  settings.max_residual_m = config_.mapping.max_residual_m;
+  const auto score = [&](const Eigen::Vector3d& t) {
+    return matcher_.linearise(few, plane_map_, edge_map_, predicted.q_odom_imu, t, settings).fit;
+  };
+  const double points = static_cast<double>(few.planes.size() + few.edges.size());
+  const double dt = seconds_between(before_.stamp, predicted.stamp);
+  Eigen::Vector3d best = predicted.t_odom_imu;
+  double best_score = score(best) + kStartGain * points;
+  for (int speed = 0; speed <= kStartSpeeds; ++speed) {
+    for (int direction = 0; direction < (speed == 0 ? 1 : kStartDirections); ++direction) {
+      const double angle = 2.0 * M_PI * direction / kStartDirections;
+      const Eigen::Vector3d t =
+          before_.t_odom_imu +
+          dt * speed * kStartSpeedStep * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0);
+      const double fit = score(t);
+      if (fit <= best_score) continue;
+      best_score = fit;
+      best = t;
+    }
+  }
+  return best - predicted.t_odom_imu;
+}
+
 LidarInformation Estimator::Implementation::optimise(const MatchInput& input, EstimateResult* result) {
   const bool is_start =
       scan_count_ <= kStartScans && smoother_.newest().imu_status != imu::ImuStatus::kInitialised;
   const int iterations = is_start ? kStartIterations : config_.mapping.base_iterations;
   MatchSettings settings;
-  settings.wide = is_start;
   settings.plane_weight = config_.mapping.plane_weight;
   settings.edge_weight = config_.mapping.edge_weight;
   settings.intensity_weight = config_.mapping.intensity_weight;
   LidarInformation information;
+  Eigen::Vector3d shift = is_start ? search_start_motion(input) : Eigen::Vector3d::Zero();
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    const imu::NavState current = smoother_.newest();
+    imu::NavState current = smoother_.newest();
+    current.t_odom_imu += shift;
+    shift.setZero();
     const double progress = static_cast<double>(iteration) / iterations;
     settings.max_residual_m =
         is_start ? std::max(config_.mapping.max_residual_m, kStartMaxResidual * (1.0 - progress))
                  : config_.mapping.max_residual_m;
     if (!is_start && iteration > 0) settings.max_deviation = config_.mapping.max_deviation;
-    information = matcher_.linearise(input, {plane_map_, edge_map_, &texture_map_}, current.q_odom_imu,
-                                     current.t_odom_imu, settings);
-    const Localizability localizability =
-        analyse_localizability(information, config_.mapping.localizability_margin);
-    result->status.axes = localizability.axes;
-    result->status.localizability = localizability.probability;
-    result->axis_information = localizability.information;
-    result->axis_noise = localizability.noise_information;
-    if (config_.mapping.use_localizability) soften(localizability, &information);
+    information =
+        matcher_.linearise(input, plane_map_, edge_map_, current.q_odom_imu, current.t_odom_imu, settings);
+    add_directions(input, current, settings, &information, result);
     result->status.iterations = static_cast<std::uint32_t>(iteration + 1);
     if (information.planes + information.edges < kMinMatches) {
       result->is_healthy = false;
@@ -250,8 +332,8 @@ LidarInformation Estimator::Implementation::optimise(const MatchInput& input, Es
     const imu::NavState& moved = smoother_.newest();
     const double turn =
         so3::log(Eigen::Quaterniond(current.q_odom_imu.conjugate() * moved.q_odom_imu)).norm();
-    const double shift = (current.t_odom_imu - moved.t_odom_imu).norm();
-    if (turn < config_.mapping.convergence_rotation_rad && shift < config_.mapping.convergence_translation_m)
+    const double step_m = (current.t_odom_imu - moved.t_odom_imu).norm();
+    if (turn < config_.mapping.convergence_rotation_rad && step_m < config_.mapping.convergence_translation_m)
       break;
   }
   return information;
@@ -276,6 +358,7 @@ void Estimator::Implementation::try_static_start(const imu::Preintegration& imu)
   Smoother::InitialSigma sigma;
   sigma.velocity = 0.02;
   sigma.gyro_bias = 2e-3;
+  sigma.rest_acceleration = kRestAccelerationSigma;
   adopt_imu(state, sigma);
   reporter_->report(Severity::kInfo, "imu_static", "IMU initialised standing still");
 }
@@ -314,9 +397,56 @@ void Estimator::Implementation::try_moving_start(const imu::Preintegration& imu)
   reporter_->report(Severity::kInfo, "imu_moving", "IMU initialised in motion");
 }
 
-void Estimator::Implementation::insert(const FeatureSet& features) {
+/// Velocity of the lidar in its own axes.
+Eigen::Vector3d Estimator::Implementation::v_lidar() const {
+  const imu::NavState& newest = smoother_.newest();
+  const Eigen::Vector3d v_imu = newest.q_odom_imu.conjugate() * newest.v_odom;
+  return T_imu_lidar_.linear().transpose() * (v_imu + newest.w_imu.cross(T_imu_lidar_.translation()));
+}
+
+/// The point relative to where the sensor was when it fired; the turn of the sensor since then, some degrees,
+/// is left out.
+Eigen::Vector3d Estimator::Implementation::beam_of(const Point& point, const Eigen::Vector3d& v_lidar) const {
+  return point.position.cast<double>() - static_cast<double>(point.time_s) * v_lidar;
+}
+
+FeatureSet Estimator::Implementation::without_beam_errors(const FeatureSet& features) const {
+  FeatureSet corrected = features;
+  const Eigen::Vector3d velocity = v_lidar();
+  for (std::vector<Point>* points : {&corrected.planes, &corrected.edges, &corrected.intensity_edges}) {
+    for (Point& point : *points) {
+      point.position += beams_.correction(point.ring, beam_of(point, velocity)).cast<float>();
+    }
+  }
+  return corrected;
+}
+
+/// From the planes of a scan that has found its place, and only those that many scans have smoothed.
+void Estimator::Implementation::learn_beam_errors(const FeatureSet& features) {
   const imu::NavState& newest = smoother_.newest();
   const Eigen::Isometry3d T_odom_lidar = newest.T_odom_imu() * T_imu_lidar_;
+  const Eigen::Vector3d velocity = v_lidar();
+  const double range_variance = std::pow(config_.sensor.range_noise_m, 2);
+  const std::size_t stride = 1 + features.planes.size() / kBeamSamples;
+  for (std::size_t k = 0; k < features.planes.size(); k += stride) {
+    const Point& point = features.planes[k];
+    const Eigen::Vector3d p_odom = T_odom_lidar * point.position.cast<double>();
+    const Cell* cell = plane_map_.find_plane(p_odom, false);
+    if (cell == nullptr || cell->scans < kBeamScans) continue;
+    const Eigen::Vector3d normal = cell->axes.col(0);
+    const double residual = normal.dot(p_odom - cell->mean);
+    const double variance = range_variance + cell->variances[0];
+    if (residual * residual > 9.0 * variance) continue;
+    beams_.observe(point.ring, beam_of(point, velocity), T_odom_lidar.linear().transpose() * normal, residual,
+                   variance);
+  }
+  beams_.update();
+}
+
+void Estimator::Implementation::insert(const FeatureSet& features) {
+  const imu::NavState& newest = smoother_.newest();
+  T_odom_inserted_ = newest.T_odom_imu();
+  const Eigen::Isometry3d T_odom_lidar = T_odom_inserted_ * T_imu_lidar_;
   const auto add = [&T_odom_lidar](const std::vector<Point>& source, VoxelMap* map) {
     std::vector<Eigen::Vector3d> points;
     std::vector<float> intensities;
@@ -339,6 +469,12 @@ void Estimator::Implementation::insert(const FeatureSet& features) {
   }
 }
 
+bool Estimator::Implementation::has_moved_on() const {
+  const Eigen::Isometry3d T = T_odom_inserted_.inverse() * smoother_.newest().T_odom_imu();
+  return scan_count_ < kFirstInserted || T.translation().norm() > kInsertDistance ||
+         so3::log(Eigen::Matrix3d(T.rotation())).norm() > kInsertAngle;
+}
+
 bool Estimator::Implementation::decide_keyframe() {
   const Eigen::Isometry3d T = smoother_.newest().T_odom_imu();
   const Eigen::Isometry3d T_keyframe_now = T_odom_keyframe_.inverse() * T;
@@ -350,21 +486,23 @@ bool Estimator::Implementation::decide_keyframe() {
   return true;
 }
 
-std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& features,
+std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& measured,
                                                              const degeneracy::Degeneracy& /*degeneracy*/,
                                                              const std::optional<imu::Preintegration>& imu) {
-  if (!smoother_.empty() && features.stamp <= smoother_.newest().stamp) {
+  if (!smoother_.empty() && measured.stamp <= smoother_.newest().stamp) {
     reporter_->report(Severity::kWarning, "scan_order",
                       "a scan whose stamp does not follow the one before was dropped");
     return std::nullopt;
   }
   EstimateResult result;
+  FeatureSet features = measured;
   double radius_m = 0.0;
   if (smoother_.empty()) {
     start(features, imu);
   } else {
     before_ = smoother_.newest();
     predict(features, imu);
+    if (config_.mapping.calibrate_beams) features = without_beam_errors(measured);
     const LidarInformation information = optimise(match_input(features), &result);
     radius_m = information.radius_m;
     result.matched_planes = information.planes;
@@ -400,7 +538,9 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& f
                       "a scan has too few matches with the map (" + std::to_string(result.status.matched) +
                           "): its pose is a prediction");
   }
-  if (result.is_healthy || plane_map_.empty()) insert(features);
+  const bool is_settled = result.is_healthy && result.state.imu_status == imu::ImuStatus::kInitialised;
+  if (config_.mapping.calibrate_beams && is_settled) learn_beam_errors(features);
+  if ((result.is_healthy && has_moved_on()) || plane_map_.empty()) insert(features);
   result.is_keyframe = decide_keyframe();
   ++scan_count_;
   return result;

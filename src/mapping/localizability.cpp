@@ -55,6 +55,19 @@ Localizability analyse_localizability(const LidarInformation& information, doubl
   return result;
 }
 
+void add_in_weak_directions(const Localizability& localizability, const LidarInformation& further,
+                            LidarInformation* information) {
+  const Matrix6d S = scaling(*information);
+  const Vector6d open = Vector6d::Ones() - localizability.probability;
+  // About [dtheta, dt]: a residual's Jacobian J becomes S' P S^-T J.
+  const Matrix6d P = S.transpose() * localizability.axes * open.asDiagonal() *
+                     localizability.axes.transpose() * S.inverse().transpose();
+  information->H += P * further.H * P.transpose();
+  information->b += P * further.b;
+  information->noise_information += P * further.noise_information * P.transpose();
+  information->textures += further.textures;
+}
+
 void soften(const Localizability& localizability, LidarInformation* information) {
   if (localizability.probability.minCoeff() >= 1.0) return;
   const Matrix6d S = scaling(*information);

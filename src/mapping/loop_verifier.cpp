@@ -219,7 +219,7 @@ LoopVerifier::Solution LoopVerifier::refine(const Scene& scene, const Eigen::Iso
     settings.max_residual_m =
         std::max(kEndResidualM, kStartResidualM * (1.0 - static_cast<double>(iteration) / kWideIterations));
     solution.information =
-        matcher_.linearise(scene.input, {scene.planes, scene.edges}, Eigen::Quaterniond(solution.T.linear()),
+        matcher_.linearise(scene.input, scene.planes, scene.edges, Eigen::Quaterniond(solution.T.linear()),
                            solution.T.translation(), settings);
     if (solution.information.planes < kMinMatches) return solution;
     const Matrix6d H = solution.information.H + prior;

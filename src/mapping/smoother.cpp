@@ -107,7 +107,19 @@ void Smoother::start(const imu::NavState& state, const InitialSigma& sigma) {
   prior_.linearisation = state;
   const double sigmas[] = {sigma.theta,     sigma.position,   sigma.velocity,
                            sigma.gyro_bias, sigma.accel_bias, sigma.gravity};
-  for (int k = 0; k < kPriorSize; ++k) prior_.sqrt_information(k, k) = 1.0 / sigmas[k / 3];
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(kPriorSize, kPriorSize);
+  for (int k = 0; k < kPriorSize; ++k) H(k, k) = 1.0 / (sigmas[k / 3] * sigmas[k / 3]);
+  if (sigma.rest_acceleration > 0.0) {
+    // Measured at rest: a = b_a - R' g.
+    Eigen::Matrix<double, 3, kPriorSize> J = Eigen::Matrix<double, 3, kPriorSize>::Zero();
+    J.block<3, 3>(0, 12).setIdentity();
+    J.rightCols<kGravitySize>() = -state.q_odom_imu.toRotationMatrix().transpose();
+    H += J.transpose() * J / (sigma.rest_acceleration * sigma.rest_acceleration);
+  }
+  Eigen::MatrixXd A;
+  Eigen::VectorXd e;
+  factorise(H, Eigen::VectorXd::Zero(kPriorSize), 1e-16, &A, &e);
+  prior_.sqrt_information = A;
 }
 
 void Smoother::add(const imu::NavState& predicted, const imu::Preintegration& motion, bool with_gravity) {

@@ -33,4 +33,11 @@ Localizability analyse_localizability(const LidarInformation& information, doubl
 /// probability 1 keep their information.
 void soften(const Localizability& localizability, LidarInformation* information);
 
+/// Adds residuals of another kind where the first leave a direction open: their information and gradient are
+/// projected with P = sum_k (1 - p_k) u_k u_k' in s. Textures know where one is along a smooth wall, but
+/// their errors are larger and less independent than those of geometry: where geometry is sure, they are left
+/// out.
+void add_in_weak_directions(const Localizability& localizability, const LidarInformation& further,
+                            LidarInformation* information);
+
 }  // namespace fdi_lio::mapping

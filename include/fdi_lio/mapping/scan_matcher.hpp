@@ -35,6 +35,7 @@ struct LidarInformation {
   /// any real constraint: sum over the residuals of their Jacobian's covariance over their variance.
   Matrix6d noise_information = Matrix6d::Zero();
   double squared_error = 0.0;  ///< sum of squared plane and line distances [m^2]
+  double fit = 0.0;            ///< sum of the robust weights, each in [0, 1]
   double independent = 0.0;    ///< residuals, less those that share their errors with others
   Eigen::Vector3d centroid_imu = Eigen::Vector3d::Zero();  ///< of the matched features
   double radius_m = 0.0;                                   ///< their root mean square distance from it
@@ -53,29 +54,27 @@ struct MatchSettings {
   double intensity_weight = 1.0;
 };
 
-/// The local maps that features are matched to, by class; without `textures` intensity features have none.
-struct FeatureMaps {
-  const VoxelMap& planes;
-  const VoxelMap& edges;
-  const VoxelMap* textures = nullptr;
-};
-
 /// Residuals of scan features against the local map, with noise-aware weights and a Cauchy kernel (one round
-/// of iteratively re-weighted Gauss-Newton): point to plane, point to line, and for intensity features the
-/// difference between the map's intensity at the point and its own, r = mean_intensity + g . (p - mean) - J.
+/// of iteratively re-weighted Gauss-Newton). The gradient b is free of the bias that errors of the map's
+/// normals and intensity gradients would give it (errors in variables).
 class ScanMatcher {
  public:
-  explicit ScanMatcher(const Config& config);
+  explicit ScanMatcher(const Config& config) : config_(config) {}
 
-  /// Associates `input` at the given pose and sums the normal equations.
-  LidarInformation linearise(const MatchInput& input, const FeatureMaps& maps,
+  /// Point to plane and point to line: associates planes and edges of `input` at the given pose and sums the
+  /// normal equations.
+  LidarInformation linearise(const MatchInput& input, const VoxelMap& plane_map, const VoxelMap& edge_map,
                              const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
                              const MatchSettings& settings) const;
 
+  /// Intensity features: difference between the map's intensity at the point and its own,
+  /// r = mean_intensity + g . (p - mean) - J. `squared_error` is in the unit of J.
+  LidarInformation linearise_textures(const MatchInput& input, const VoxelMap& texture_map,
+                                      const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
+                                      const MatchSettings& settings) const;
+
  private:
-  MappingConfig mapping_;
-  double range_variance_;
-  double angle_variance_;
+  Config config_;
 };
 
 }  // namespace fdi_lio::mapping

@@ -25,6 +25,9 @@ class Smoother {
     double gyro_bias = 0.02;
     double accel_bias = 0.1;
     double gravity = 0.1;
+    /// Of the mean acceleration measured at rest, which ties accelerometer bias and gravity together
+    /// [m/s^2]; 0: not at rest.
+    double rest_acceleration = 0.0;
   };
 
   /// Starts anew from one state.
