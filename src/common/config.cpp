@@ -195,8 +195,8 @@ void MappingConfig::visit(ParameterVisitor& v) {
          calibrate_beams);
   v.real({"mapping.beam_range_sigma", "m", "expected deviation of the beams' range errors"},
          beam_range_sigma_m, 1e-4, 1.0);
-  v.real({"mapping.beam_angle_sigma", "deg", "expected deviation of the beams' angle errors"},
-         beam_angle_sigma_deg, 1e-4, 1.0);
+  v.real({"mapping.beam_elevation_sigma", "deg", "expected deviation of the beams' elevation errors"},
+         beam_elevation_sigma_deg, 1e-4, 1.0);
   v.real({"mapping.plane_weight", "", "factor on the information of plane matches"}, plane_weight, 0.0,
          100.0);
   v.real({"mapping.edge_weight", "",

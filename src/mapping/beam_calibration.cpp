@@ -8,15 +8,14 @@ namespace fdi_lio::mapping {
 
 namespace {
 
-/// Columns: where the point moves with range, elevation and azimuth of its beam.
-Eigen::Matrix3d motions(const Eigen::Vector3d& beam_m) {
+/// Columns: where the point moves with range and elevation of its beam.
+Eigen::Matrix<double, 3, 2> motions(const Eigen::Vector3d& beam_m) {
   const double range_m = beam_m.norm();
   const double level_m = beam_m.head<2>().norm();
-  Eigen::Matrix3d motion = Eigen::Matrix3d::Zero();
+  Eigen::Matrix<double, 3, 2> motion = Eigen::Matrix<double, 3, 2>::Zero();
   if (level_m < 1e-3) return motion;
   motion.col(0) = beam_m / range_m;
   motion.col(1) << -beam_m.z() / level_m * beam_m.x(), -beam_m.z() / level_m * beam_m.y(), level_m;
-  if (!getenv("NOAZ")) motion.col(2) << -beam_m.y(), beam_m.x(), 0.0;
   return motion;
 }
 
@@ -26,7 +25,7 @@ void BeamCalibration::observe(std::size_t ring, const Eigen::Vector3d& beam_m,
                               const Eigen::Vector3d& normal_lidar, double residual_m, double variance_m2) {
   if (ring >= beams_.size()) beams_.resize(ring + 1);
   Beam& beam = beams_[ring];
-  const Eigen::Vector3d J = motions(beam_m).transpose() * normal_lidar;
+  const Eigen::Vector2d J = motions(beam_m).transpose() * normal_lidar;
   const double before_m = residual_m + J.dot(beam.error);
   const double weight = 1.0 / (variance_m2 * config_.correlation_factor);
   beam.information += weight * J * J.transpose();
@@ -37,9 +36,9 @@ void BeamCalibration::update() {
   const double keep = std::exp(-1.0 / config_.memory_scans);
   const double range_prior = 1.0 / (config_.range_sigma_m * config_.range_sigma_m);
   const double angle_prior = 1.0 / (config_.angle_sigma_rad * config_.angle_sigma_rad);
-  const Eigen::Vector3d prior(range_prior, angle_prior, angle_prior);
+  const Eigen::Vector2d prior(range_prior, angle_prior);
   for (Beam& beam : beams_) {
-    Eigen::Matrix3d information = beam.information;
+    Eigen::Matrix2d information = beam.information;
     information.diagonal() += prior;
     beam.error = information.ldlt().solve(beam.moment);
     beam.information *= keep;
@@ -49,10 +48,11 @@ void BeamCalibration::update() {
 }
 
 /// An error that varies smoothly from beam to beam cannot be told from a bent world that the sensor pitches,
-/// climbs or turns along: the map would bend with it. Only the deviation from a parabola over the beams stays.
+/// climbs or turns along: the map would bend with it. Only the deviation from a parabola over the beams
+/// stays.
 void BeamCalibration::remove_smooth_part() {
   Eigen::Matrix3d moments = 1e-9 * Eigen::Matrix3d::Identity();
-  Eigen::Matrix3d products = Eigen::Matrix3d::Zero();
+  Eigen::Matrix<double, 3, 2> products = Eigen::Matrix<double, 3, 2>::Zero();
   const auto powers = [this](std::size_t ring) {
     const double x = 2.0 * static_cast<double>(ring) / static_cast<double>(beams_.size()) - 1.0;
     return Eigen::Vector3d(1.0, x, x * x);
@@ -62,10 +62,9 @@ void BeamCalibration::remove_smooth_part() {
     moments += powers(ring) * powers(ring).transpose();
     products += powers(ring) * beams_[ring].error.transpose();
   }
-  const Eigen::Matrix3d coefficients = moments.ldlt().solve(products);
+  const Eigen::Matrix<double, 3, 2> coefficients = moments.ldlt().solve(products);
   for (std::size_t ring = 0; ring < beams_.size(); ++ring) {
-    if (!beams_[ring].information.isZero())
-      beams_[ring].error -= coefficients.transpose() * powers(ring);
+    if (!beams_[ring].information.isZero()) beams_[ring].error -= coefficients.transpose() * powers(ring);
   }
 }
 
@@ -74,8 +73,8 @@ Eigen::Vector3d BeamCalibration::correction(std::size_t ring, const Eigen::Vecto
   return -motions(beam_m) * beams_[ring].error;
 }
 
-Eigen::Vector3d BeamCalibration::error(std::size_t ring) const {
-  return ring < beams_.size() ? beams_[ring].error : Eigen::Vector3d::Zero();
+Eigen::Vector2d BeamCalibration::error(std::size_t ring) const {
+  return ring < beams_.size() ? beams_[ring].error : Eigen::Vector2d::Zero();
 }
 
 }  // namespace fdi_lio::mapping

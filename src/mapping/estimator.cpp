@@ -57,7 +57,7 @@ VoxelMapConfig map_config(const MappingConfig& mapping, double voxel_m, double m
 BeamCalibrationConfig beam_config(const MappingConfig& mapping) {
   BeamCalibrationConfig config;
   config.range_sigma_m = mapping.beam_range_sigma_m;
-  config.angle_sigma_rad = mapping.beam_angle_sigma_deg * M_PI / 180.0;
+  config.angle_sigma_rad = mapping.beam_elevation_sigma_deg * M_PI / 180.0;
   config.correlation_factor = mapping.correlation_factor;
   return config;
 }

@@ -120,14 +120,14 @@ struct MappingConfig {
   bool use_intensity = true;
   double plane_weight = 1.0;
   double edge_weight = 0.1;
-  double intensity_weight = 1.0;
+  double intensity_weight = 0.2;
   double intensity_voxel_m = 0.2;
-  bool use_localizability = true;
+  bool use_localizability = false;
   double localizability_margin = 2.0;
   double drift_share = 1.0;
   bool calibrate_beams = true;
   double beam_range_sigma_m = 0.02;
-  double beam_angle_sigma_deg = 0.05;
+  double beam_elevation_sigma_deg = 0.05;
   double line_max_thickness_m = 0.05;
 
   void visit(ParameterVisitor& visitor);

@@ -8,23 +8,23 @@ namespace fdi_lio::mapping {
 
 struct BeamCalibrationConfig {
   double range_sigma_m = 0.02;      ///< expected deviation of a beam's range error
-  double angle_sigma_rad = 9e-4;    ///< expected deviation of a beam's elevation and azimuth error
+  double angle_sigma_rad = 9e-4;    ///< expected deviation of a beam's elevation error
   double memory_scans = 200.0;      ///< after which observations count 1/e
   double correlation_factor = 4.0;  ///< residuals of one beam and scan that count as one independent
 };
 
-/// Systematic errors of each beam, learned while driving: range, elevation and azimuth.
+/// Systematic errors of each beam, learned while driving: range and elevation.
 ///
 /// Every laser of a spinning lidar has its own small errors (centimetres, hundredths of a degree). On smooth
 /// surfaces they make a ripple that moves with the sensor. A scan matches its own ripple in the map best when
-/// it stands still, so that on empty roads speed is underestimated and the height drifts. The map averages
-/// over many beams: what a beam's points deviate from it on the average is the error of the beam.
+/// it stands still, so that on empty roads speed is underestimated. The map averages over many beams: what a
+/// beam's points deviate from it on the average is the error of the beam.
 ///
-/// The error x = [range, elevation, azimuth] of one beam follows from point-to-plane residuals r of its
-/// points, taken before the correction: r = J x + noise, J = [n . d, rho n . e, rho cos(elevation) n . a],
-/// with the plane's normal n, the direction d of the beam, e and a the directions that it moves to with
-/// elevation and azimuth, and the range rho. Least squares with exponential forgetting, and zero with the
-/// stated deviations as prior.
+/// The error x = [range, elevation] of one beam follows from point-to-plane residuals r of its points, taken
+/// before the correction: r = J x + noise, J = [n . d, rho n . e], with the plane's normal n, the direction d
+/// of the beam, e the direction that it moves to with elevation, and the range rho. Least squares with
+/// exponential forgetting, and zero with the stated deviations as prior. A parabola over the beams is taken
+/// out.
 class BeamCalibration {
  public:
   explicit BeamCalibration(const BeamCalibrationConfig& config) : config_(config) {}
@@ -40,14 +40,14 @@ class BeamCalibration {
   /// What to add to the position of a point, [m] in the lidar frame.
   Eigen::Vector3d correction(std::size_t ring, const Eigen::Vector3d& beam_m) const;
 
-  /// [range m, elevation rad, azimuth rad] of a beam; zero for beams never seen.
-  Eigen::Vector3d error(std::size_t ring) const;
+  /// [range m, elevation rad] of a beam; zero for beams never seen.
+  Eigen::Vector2d error(std::size_t ring) const;
 
  private:
   struct Beam {
-    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d moment = Eigen::Vector3d::Zero();
-    Eigen::Vector3d error = Eigen::Vector3d::Zero();
+    Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d moment = Eigen::Vector2d::Zero();
+    Eigen::Vector2d error = Eigen::Vector2d::Zero();
   };
 
   void remove_smooth_part();
