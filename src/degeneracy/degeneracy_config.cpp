@@ -30,8 +30,8 @@ void visit_metrics(DegeneracyConfig& c, ParameterVisitor& v) {
   v.real({"degeneracy.curvature_floor", "", "added to the median curvature that the spread is divided by"},
          c.curvature_floor, 1e-3, 10.0);
   v.real({"degeneracy.gradient_floor", "",
-          "intensity gradient that counts as none, as a share of the mean intensity"},
-         c.gradient_floor, 1e-3, 10.0);
+          "intensity gradient that noise makes on a blank surface, in units of ln(1 + I / scale)"},
+         c.gradient_floor, 1e-3, 1.0);
   v.real({"degeneracy.gradient_percentile", "",
           "quantile of the intensity gradient that counts as the scan's maximum"},
          c.gradient_percentile, 0.5, 1.0);

@@ -12,6 +12,9 @@ namespace {
 constexpr std::size_t kCurvatureBins = 1024;
 /// The window of a curvature grows to this many times `curvature_neighbours` where points are dense.
 constexpr std::size_t kLargestWindow = 4;
+/// A scan's largest gradient counts as at least so many times that of noise: a blank surface then has a mean
+/// of 1/6, below the neutral `gradient_centre`.
+constexpr double kClearGradient = 6.0;
 
 using CurvatureHistogram = std::array<std::uint32_t, kCurvatureBins>;
 
@@ -156,29 +159,26 @@ GradientStatistics gradient_statistics(const DeskewedScan& scan, std::size_t str
   std::vector<float> gradients;
   gradients.reserve(scan.points.size() / stride + 1);
   double sum = 0.0;
-  double intensity = 0.0;
   for (std::size_t i = 0; i < scan.points.size(); i += stride) {
     const float gradient = scan.intensity_gradient[i];
-    if (!std::isfinite(gradient) || !std::isfinite(scan.points[i].intensity)) continue;
+    if (!std::isfinite(gradient)) continue;
     gradients.push_back(std::max(0.0F, gradient));
     sum += gradients.back();
-    intensity += std::abs(scan.points[i].intensity);
   }
   if (gradients.empty()) return result;
   result.valid = true;
   const auto count = static_cast<double>(gradients.size());
   const double mean = sum / count;
-  const double floor = config.gradient_floor * intensity / count;
   double squares = 0.0;
   double clipped = 0.0;
   const auto index = static_cast<std::ptrdiff_t>(config.gradient_percentile * (count - 1.0));
   for (const float gradient : gradients) squares += (gradient - mean) * (gradient - mean);
   std::nth_element(gradients.begin(), gradients.begin() + index, gradients.end());
-  const double largest = std::max<double>(gradients[static_cast<std::size_t>(index)], floor);
+  const double largest =
+      std::max<double>(gradients[static_cast<std::size_t>(index)], kClearGradient * config.gradient_floor);
   for (const float gradient : gradients) clipped += std::min<double>(gradient, largest);
-  if (largest > 0.0) result.mean = clipped / count / largest;
-  const double divisor = std::max(mean, floor);
-  if (divisor > 0.0) result.variation = std::sqrt(squares / count) / divisor;
+  result.mean = clipped / count / largest;
+  result.variation = std::sqrt(squares / count) / std::max(mean, config.gradient_floor);
   return result;
 }
 

@@ -123,7 +123,6 @@ TEST(GradientStatistics, AreInvalidWithoutAGradient) {
 
 TEST(GradientStatistics, HaveTheClosedFormOfConstantAndTwoValuedGradients) {
   DeskewedScan scan = grid_scan(10, 1);
-  for (Point& point : scan.points) point.intensity = 1.0F;
   scan.intensity_gradient.assign(scan.points.size(), 0.5F);
   const GradientStatistics constant = gradient_statistics(scan, 1, {});
   EXPECT_TRUE(constant.valid);
@@ -135,15 +134,39 @@ TEST(GradientStatistics, HaveTheClosedFormOfConstantAndTwoValuedGradients) {
   EXPECT_NEAR(half.variation, 1.0, 1e-6);
 }
 
-TEST(GradientStatistics, DoNotBlowUpTheNoiseOfABlankSurface) {
+TEST(GradientStatistics, DoNotDependOnTheScaleOfRawIntensities) {
   DeskewedScan scan = grid_scan(10, 1);
-  for (Point& point : scan.points) point.intensity = 100.0F;
-  scan.intensity_gradient.assign(scan.points.size(), 0.1F);
-  EXPECT_LT(gradient_statistics(scan, 1, {}).mean, 0.02);
-  for (Point& point : scan.points) point.intensity = 0.0F;
+  for (std::size_t i = 0; i < scan.points.size(); ++i)
+    scan.intensity_gradient.push_back(i % 10 == 0 ? 0.6F : 0.1F);
+  for (Point& point : scan.points) point.intensity = 0.2F;
+  const GradientStatistics small = gradient_statistics(scan, 1, {});
+  for (Point& point : scan.points) point.intensity = 20000.0F;
+  const GradientStatistics large = gradient_statistics(scan, 1, {});
+  EXPECT_NEAR(small.mean, 0.15 / 0.6, 1e-6);
+  EXPECT_NEAR(small.variation, 0.15 / 0.15, 1e-6);
+  EXPECT_EQ(small.mean, large.mean);
+  EXPECT_EQ(small.variation, large.variation);
+}
+
+TEST(GradientStatistics, DoNotBlowUpTheNoiseOfABlankSurface) {
+  const DegeneracyConfig config;
+  DeskewedScan scan = grid_scan(40, 1);
+  std::mt19937 random(1);
+  std::normal_distribution<float> noise(20.0F, std::sqrt(0.8F * 0.8F + 1.0F));  // 4 % and one count
+  const auto level = [&] { return std::log1p(noise(random) / 20.0F); };
+  for (std::size_t i = 0; i < scan.points.size(); ++i) {
+    const float own = level();
+    float sum = 0.0F;
+    for (int k = 0; k < 5; ++k) sum += std::abs(level() - own);
+    scan.intensity_gradient.push_back(sum / 5.0F);
+  }
+  const GradientStatistics blank = gradient_statistics(scan, 1, config);
+  EXPECT_GT(blank.mean, 0.05);
+  EXPECT_LT(blank.mean, config.gradient_centre);
+  EXPECT_LT(blank.variation, 0.6);
   scan.intensity_gradient.assign(scan.points.size(), 0.0F);
-  EXPECT_DOUBLE_EQ(gradient_statistics(scan, 1, {}).mean, 0.0);
-  EXPECT_DOUBLE_EQ(gradient_statistics(scan, 1, {}).variation, 0.0);
+  EXPECT_DOUBLE_EQ(gradient_statistics(scan, 1, config).mean, 0.0);
+  EXPECT_DOUBLE_EQ(gradient_statistics(scan, 1, config).variation, 0.0);
 }
 
 TEST(VoxelStatistics, LooksAtNoMoreThanTheWantedSamples) {

@@ -16,7 +16,7 @@ struct DegeneracyConfig {
   int curvature_neighbours = 5;
   double curvature_half_width_m = 0.5;
   double curvature_floor = 0.3;
-  double gradient_floor = 0.1;
+  double gradient_floor = 0.05;
   double gradient_percentile = 0.99;
 
   double complexity_gain = 15.0;
