@@ -5,9 +5,10 @@ Registration error of scan k: translation of the relative pose error over one se
 with odometry P (before loop closures) and truth Q. One second, because from scan to scan the noise of two
 poses hides the drift. Scans at the ends, where i or j is missing, have no error.
 
-True class: from how the place was built, not from what the lidar saw of it.
-    poor     the way is in surroundings that give few or no clean surfaces in all directions: tunnel, highway
-             (weak along the way), mine and forest (nothing is flat); beyond `tunnel_begin_x` in street_tunnel
+True class: from how the place was built and what moved in it, not from what the system made of it.
+    poor     by construction the surfaces do not fix every direction well: tunnel, corridor and highway repeat along
+             the way; a forest has hardly a flat surface; a mine is smooth when its relief is below ROUGH_RELIEF
+             (rough rock fixes every direction); street_tunnel beyond `tunnel_begin_x`
     moving   at least MOVING_SHARE of the points of the scan lie on moving objects (FILE.labels), averaged over the
              last SMOOTHING_S seconds
     structured = neither, sparse = poor, dynamic = moving, mixed = both
@@ -27,7 +28,8 @@ from .metrics import relative_errors
 from .trajectory import Trajectory
 
 CLASSES = ("structured", "sparse", "dynamic", "mixed")
-POOR_WORLDS = ("tunnel", "highway", "mine", "forest")
+POOR_WORLDS = ("tunnel", "corridor", "highway", "forest")
+ROUGH_RELIEF = 0.5
 HALF_WINDOW_S = 0.5
 MOVING_SHARE = 0.1
 SMOOTHING_S = 1.0
@@ -58,8 +60,14 @@ class Recording:
     """What simulate_bag wrote about a recording. `tunnel_begin_x_m` is infinite where there is none."""
 
     world: str
+    relief: float
     tunnel_begin_x_m: float
-    moving_points: Dict[int, int]  # by the number of the scan
+    moving_points: Dict[int, int]  # by the header stamp of the scan [ns]
+
+    def is_poor(self, x_m: np.ndarray) -> np.ndarray:
+        """Whether the surroundings of positions with these x in the map leave directions weak."""
+        smooth_mine = self.world == "mine" and self.relief < ROUGH_RELIEF
+        return (x_m > self.tunnel_begin_x_m) | (self.world in POOR_WORLDS) | smooth_mine
 
 
 def read_recording(stem: Path) -> Optional[Recording]:
@@ -70,13 +78,15 @@ def read_recording(stem: Path) -> Optional[Recording]:
     if not description.is_file() or not labels.is_file():
         raise UserError(f"{stem}: has only one of .yaml and .labels: keep both of them")
     text = description.read_text(encoding="utf-8")
-    world = re.search(r"^\s+type: \"?([a-z_]+)", text, re.MULTILINE)
+    world = re.search(r"^  world:\n    type: ([a-z_]+)(?:\n    .*)*?\n    relief: (\S+)", text, re.MULTILINE)
     if not world:
-        raise UserError(f"{description}: names no world type: was it written by simulate_bag?")
+        raise UserError(f"{description}: names no world type and relief: was it written by simulate_bag?")
     begin = re.search(r"^tunnel_begin_x: (\S+)", text, re.MULTILINE)
     if world[1] == "street_tunnel" and not begin:
         raise UserError(f"{description}: has no tunnel_begin_x: simulate the recording anew")
-    return Recording(world[1], float(begin[1]) if begin else np.inf, read_labels(labels))
+    return Recording(
+        world[1], float(world[2]), float(begin[1]) if begin else np.inf, read_labels(labels)
+    )
 
 
 def read_labels(path: Path) -> Dict[int, int]:
@@ -112,7 +122,7 @@ def true_classes(recording: Recording, truth: Trajectory, stamps: np.ndarray, po
     shares = moving_shares(recording, stamps, points)
     inside = np.clip(stamps, truth.stamps[0], truth.stamps[-1])
     x_m = interpolate_at(truth, inside).positions[:, 0]
-    poor = (x_m > recording.tunnel_begin_x_m) | (recording.world in POOR_WORLDS)
+    poor = recording.is_poor(x_m)
     moving = np.array([
         shares[(stamps > stamp - SMOOTHING_S) & (stamps <= stamp)].mean() >= MOVING_SHARE for stamp in stamps
     ])

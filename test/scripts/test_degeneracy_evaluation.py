@@ -81,25 +81,27 @@ def test_labels_are_counted_scan_by_scan(tmp_path):
 
 
 def test_shares_belong_to_the_scan_whose_header_comes_before():
-    recording = Recording("plaza", np.inf, {0: 5, 10**8: 20})
+    recording = Recording("plaza", 1.0, np.inf, {0: 5, 10**8: 20})
     shares = moving_shares(recording, np.array([0.0999, 0.1999]), np.array([50.0, 50.0]))
     np.testing.assert_allclose(shares, [0.1, 0.4])
 
 
-@pytest.mark.parametrize("world, moving, expected", [
-    ("street", 0, "structured"), ("tunnel", 0, "sparse"), ("plaza", 40, "dynamic"), ("highway", 40, "mixed")
+@pytest.mark.parametrize("world, relief, moving, expected", [
+    ("street", 1, 0, "structured"), ("tunnel", 1, 0, "sparse"), ("plaza", 1, 40, "dynamic"),
+    ("highway", 1, 40, "mixed"), ("mine", 1, 0, "structured"), ("mine", 0.4, 0, "sparse"),
+    ("street", 0.4, 5, "structured")
 ])
-def test_class_of_world_and_movers(world, moving, expected):
+def test_class_of_world_and_movers(world, relief, moving, expected):
     truth = line(10.0, 0.5)
     headers = {int(round(1e9 * (s - 0.09))): moving for s in truth.stamps}
-    classes = true_classes(Recording(world, np.inf, headers), truth, truth.stamps, np.full(len(truth), 100.0))
+    classes = true_classes(Recording(world, relief, np.inf, headers), truth, truth.stamps, np.full(len(truth), 100.0))
     assert set(classes) == {expected}
 
 
 def test_street_becomes_sparse_at_the_portal():
     truth = line(10.0, 0.5)
     headers = {int(round(1e9 * (s - 0.09))): 0 for s in truth.stamps}
-    recording = Recording("street_tunnel", 5.2, headers)
+    recording = Recording("street_tunnel", 1.0, 5.2, headers)
     classes = true_classes(recording, truth, truth.stamps, np.full(len(truth), 100.0))
     assert classes == ["structured"] * 11 + ["sparse"] * 10
 
@@ -141,7 +143,7 @@ def test_script_prints_the_correlation_of_a_real_recording(run_script, tmp_path)
 def test_script_judges_the_class_of_a_simulated_recording(run_script, tmp_path):
     classes = ["structured"] * 60 + ["sparse"] + ["structured"] * 60
     run, truth = write_judged_run(tmp_path, lambda x: 1 - x / 60, classes)
-    (tmp_path / "street_1.yaml").write_text("seed: 1\nscenario:\n  world:\n    type: street\n")
+    (tmp_path / "street_1.yaml").write_text("seed: 1\nscenario:\n  world:\n    type: street\n    cars: 5\n    relief: 1\n")
     headers = [int(round(1e9 * (s - 0.09))) for s in truth.stamps]
     write_labels(tmp_path / "street_1.labels", headers, [0] * len(headers))
     done = run_script("evaluate_degeneracy.py", run, "--truth", tmp_path, "--json", tmp_path / "out.json")
