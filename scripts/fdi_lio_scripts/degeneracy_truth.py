@@ -31,7 +31,7 @@ CLASSES = ("structured", "sparse", "dynamic", "mixed")
 POOR_WORLDS = ("tunnel", "corridor", "highway", "forest")
 ROUGH_RELIEF = 0.5
 HALF_WINDOW_S = 0.5
-MOVING_SHARE = 0.1
+MOVING_SHARE = 0.07
 SMOOTHING_S = 1.0
 
 

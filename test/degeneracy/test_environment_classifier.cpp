@@ -7,8 +7,8 @@
 namespace fdi_lio::degeneracy {
 namespace {
 
-constexpr std::array<double, 3> kGood{0.1, 0.1, 0.1};
-constexpr std::array<double, 3> kEmpty{0.9, 0.2, 0.1};
+constexpr std::array<double, 3> kGood{0.1, 0.1, 0.01};
+constexpr std::array<double, 3> kEmpty{0.9, 0.2, 0.01};
 constexpr std::array<double, 3> kBusy{0.1, 0.1, 0.9};
 constexpr std::array<double, 3> kBoth{0.2, 0.9, 0.9};
 

@@ -58,7 +58,7 @@ struct DegeneracyConfig {
   int class_hold_scans = 5;
   double class_margin = 0.1;
   double class_poor_threshold = 0.7;
-  double class_dynamic_threshold = 0.16;
+  double class_dynamic_threshold = 0.05;
 
   void visit(ParameterVisitor& visitor);
 };
