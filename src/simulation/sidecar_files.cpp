@@ -73,7 +73,8 @@ void LabelWriter::add(Stamp stamp, const std::vector<std::int16_t>& labels) {
 void LabelWriter::close() { finish(&out_, path_); }
 
 void write_truth(const std::string& path, const Scenario& scenario, std::uint64_t seed,
-                 std::optional<double> tunnel_begin_x_m, const LidarErrors& errors, const ImuReading& first, const ImuReading& last) {
+                 std::optional<double> tunnel_begin_x_m, const LidarErrors& errors, const ImuReading& first,
+                 const ImuReading& last) {
   std::ofstream out = open_for_writing(path);
   out << "seed: " << seed << "\n";
   if (tunnel_begin_x_m) out << "tunnel_begin_x: " << *tunnel_begin_x_m << "\n";
