@@ -108,6 +108,12 @@ void FeatureConfig::visit(ParameterVisitor& v) {
          plane_max_curvature, 0.0, 1.0);
   v.real({"features.edge_min_curvature", "", "points with a larger curvature can be edge features"},
          edge_min_curvature, 0.0, 1.0);
+  v.real({"features.threshold_fdi_gain", "",
+          "share by which both thresholds admit more at FDI 1: fewer features are better than none"},
+         threshold_fdi_gain, 0.0, 0.9);
+  v.real({"features.threshold_complexity_gain", "",
+          "share by which both thresholds admit less where the curvature is very uneven (leaves, clutter)"},
+         threshold_complexity_gain, 0.0, 0.9);
   v.real({"features.plane_spacing", "m", "least distance of plane features along a ring"}, plane_spacing_m,
          0.01, 5.0);
   v.integer({"features.sectors", "", "sectors of a ring that share the features equally"}, sectors, 1, 64);
@@ -252,6 +258,7 @@ void Config::visit(ParameterVisitor& v) {
   features.visit(v);
   mapping.visit(v);
   degeneracy.visit(v);
+  adaptation.visit(v);
   loop.visit(v);
   gnss.visit(v);
   nodes.visit(v);

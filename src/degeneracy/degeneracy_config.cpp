@@ -62,6 +62,19 @@ void visit_sub_factors(DegeneracyConfig& c, ParameterVisitor& v) {
          c.gradient_variation_gain, 0.0, 100.0);
   v.real({"degeneracy.gradient_variation_centre", "", "neutral variation of the intensity gradient"},
          c.gradient_variation_centre, 0.0, 100.0);
+  v.real({"degeneracy.moving_gain", "",
+          "slope of the dynamic sub-factor over the logarithm of the share of moving points"},
+         c.moving_gain, 0.0, 100.0);
+  v.real({"degeneracy.moving_centre", "", "neutral share of moving points"}, c.moving_centre, 1e-3, 1.0);
+  v.real({"degeneracy.uncertainty_structural_gain", "",
+          "slope of the structural sub-factor over the logarithm of the position's uncertainty"},
+         c.uncertainty_structural_gain, 0.0, 100.0);
+  v.real({"degeneracy.uncertainty_sparse_gain", "",
+          "slope of the sparse sub-factor over the logarithm of the position's uncertainty"},
+         c.uncertainty_sparse_gain, 0.0, 100.0);
+  v.real({"degeneracy.uncertainty_centre", "m",
+          "standard deviation of the position in its weakest direction that counts half"},
+         c.uncertainty_centre_m, 1e-6, 10.0);
 }
 
 void visit_weights(DegeneracyConfig& c, ParameterVisitor& v) {
@@ -71,8 +84,14 @@ void visit_weights(DegeneracyConfig& c, ParameterVisitor& v) {
             c.histogram_bins, 2, 1000);
   v.real({"degeneracy.histogram_smoothing", "scans", "count that each bin starts with"},
          c.histogram_smoothing, 1e-6, 100.0);
+  const std::string meaning =
+      ": its reference distribution, B numbers that are learned by learn_reference.py; empty: see "
+      "degeneracy.reference_scale";
+  v.text({"degeneracy.reference_structural", "", "structural sub-factor" + meaning}, c.reference_structural);
+  v.text({"degeneracy.reference_sparse", "", "sparse sub-factor" + meaning}, c.reference_sparse);
+  v.text({"degeneracy.reference_dynamic", "", "dynamic sub-factor" + meaning}, c.reference_dynamic);
   v.real({"degeneracy.reference_scale", "",
-          "decay of the reference distribution, proportional to exp(-x / scale); large is uniform"},
+          "decay of a reference distribution that is not learned, proportional to exp(-x / scale)"},
          c.reference_scale, 0.05, 1000.0);
   v.real({"degeneracy.weight_entropy", "", "share of small entropy in the information of a sub-factor"},
          c.weight_entropy, 0.0, 100.0);
@@ -94,6 +113,12 @@ void DegeneracyConfig::visit(ParameterVisitor& v) {
   v.real({"degeneracy.class_margin", "",
           "by how much another class's score must exceed that of the present class"},
          class_margin, 0.0, 1.0);
+  v.real({"degeneracy.class_poor_threshold", "",
+          "larger of the structural and the sparse sub-factor from which surroundings are sparse or mixed"},
+         class_poor_threshold, 0.01, 0.99);
+  v.real({"degeneracy.class_dynamic_threshold", "",
+          "dynamic sub-factor from which surroundings are dynamic or mixed"},
+         class_dynamic_threshold, 0.01, 0.99);
 }
 
 }  // namespace fdi_lio::degeneracy

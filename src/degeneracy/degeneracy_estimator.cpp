@@ -1,12 +1,22 @@
 #include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
+
+#include <Eigen/Eigenvalues>
 
 #include "fdi_lio/degeneracy/metrics.hpp"
 #include "fdi_lio/degeneracy/sub_factors.hpp"
 
 namespace fdi_lio::degeneracy {
+
+double weakest_position_sigma_m(const Eigen::Matrix<double, 6, 6>& covariance) {
+  const Eigen::Matrix3d position = covariance.bottomRightCorner<3, 3>();
+  if (!position.allFinite()) return 0.0;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(position, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues()[2]));
+}
 
 DegeneracyEstimator::DegeneracyEstimator(const Config& config, Reporter* reporter)
     : config_(config),
@@ -20,6 +30,7 @@ Degeneracy DegeneracyEstimator::estimate(const DeskewedScan& scan, const Feature
   Degeneracy result;
   result.stamp = scan.stamp;
   result.metrics = measure(scan);
+  add_knowledge(scan, status, &result.metrics);
   result.sub_factors = sub_factors(result.metrics, config_.degeneracy);
   if (is_new(scan.stamp)) {
     weights_.push(result.sub_factors);
@@ -53,6 +64,18 @@ Metrics DegeneracyEstimator::measure(const DeskewedScan& scan) {
   metrics.gradient_mean = gradient.mean;
   metrics.gradient_variation = gradient.variation;
   return metrics;
+}
+
+void DegeneracyEstimator::add_knowledge(const DeskewedScan& scan,
+                                        const std::optional<OptimisationStatus>& status,
+                                        Metrics* metrics) const {
+  // The plain criterion also hits static silhouettes: what it removes says nothing of movement.
+  metrics->has_moving_share = config_.dynamic.mode == "full";
+  const std::size_t total = scan.points.size() + scan.removed.size();
+  if (metrics->has_moving_share && total > 0)
+    metrics->moving_share = static_cast<double>(scan.removed.size()) / static_cast<double>(total);
+  if (status && std::isfinite(status->position_sigma_m))
+    metrics->position_sigma_m = std::max(0.0, status->position_sigma_m);
 }
 
 bool DegeneracyEstimator::is_new(Stamp stamp) {

@@ -6,14 +6,25 @@
 
 namespace fdi_lio::degeneracy {
 
-std::array<double, 4> class_scores(const std::array<double, 3>& sub_factors) {
-  const double f = std::max(sub_factors[kStructural], sub_factors[kSparseness]);
-  const double d = sub_factors[kDynamics];
+namespace {
+
+/// The odds of `u` set against those of `threshold`, as a share.
+double relative_odds(double u, double threshold) {
+  const double above = u * (1.0 - threshold);
+  return above / (above + (1.0 - u) * threshold);
+}
+
+}  // namespace
+
+std::array<double, 4> class_scores(const std::array<double, 3>& sub_factors, const DegeneracyConfig& config) {
+  const double poor = std::max(sub_factors[kStructural], sub_factors[kSparseness]);
+  const double f = relative_odds(poor, config.class_poor_threshold);
+  const double d = relative_odds(sub_factors[kDynamics], config.class_dynamic_threshold);
   return {(1.0 - f) * (1.0 - d), f * (1.0 - d), (1.0 - f) * d, f * d};
 }
 
 EnvironmentClass EnvironmentClassifier::update(const std::array<double, 3>& sub_factors) {
-  const std::array<double, 4> scores = class_scores(sub_factors);
+  const std::array<double, 4> scores = class_scores(sub_factors, config_);
   const auto best = static_cast<std::size_t>(std::max_element(scores.begin(), scores.end()) - scores.begin());
   const auto winner = static_cast<EnvironmentClass>(best);
   if (!has_class_) {

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
+
+#include "fdi_lio/common/error.hpp"
 
 namespace fdi_lio::degeneracy {
 
@@ -32,6 +35,26 @@ std::vector<double> reference_distribution(std::size_t bins, double scale) {
   return q;
 }
 
+std::vector<double> parse_reference(const std::string& text, const std::string& parameter, std::size_t bins,
+                                    double scale) {
+  if (text.find_first_not_of(" \t\n") == std::string::npos) return reference_distribution(bins, scale);
+  std::istringstream stream(text);
+  std::vector<double> q;
+  double sum = 0.0;
+  for (double share = 0.0; stream >> share;) {
+    if (!(share > 0.0 && std::isfinite(share))) break;
+    q.push_back(share);
+    sum += share;
+  }
+  if (!stream.eof() || q.size() != bins) {
+    throw Error("parameter '" + parameter + "' is \"" + text + "\", but must be " + std::to_string(bins) +
+                " positive numbers with blanks between them, one for each of degeneracy.histogram_bins: "
+                "scripts/learn_reference.py writes them (--bins)");
+  }
+  for (double& share : q) share /= sum;
+  return q;
+}
+
 SlidingHistogram::SlidingHistogram(std::size_t bins, std::size_t window, double smoothing)
     : window_(window), smoothing_(smoothing), counts_(bins, 0) {}
 
@@ -55,12 +78,17 @@ std::vector<double> SlidingHistogram::distribution() const {
 
 InformationWeights::InformationWeights(const DegeneracyConfig& config)
     : config_(config),
-      reference_(
-          reference_distribution(static_cast<std::size_t>(config.histogram_bins), config.reference_scale)),
-      largest_divergence_(-std::log(*std::min_element(reference_.begin(), reference_.end()))),
       histograms_(
           3, SlidingHistogram(static_cast<std::size_t>(config.histogram_bins),
-                              static_cast<std::size_t>(config.window_scans), config.histogram_smoothing)) {}
+                              static_cast<std::size_t>(config.window_scans), config.histogram_smoothing)) {
+  const auto reference = [&config](const std::string& text, const char* parameter) {
+    return parse_reference(text, parameter, static_cast<std::size_t>(config.histogram_bins),
+                           config.reference_scale);
+  };
+  references_ = {reference(config.reference_structural, "degeneracy.reference_structural"),
+                 reference(config.reference_sparse, "degeneracy.reference_sparse"),
+                 reference(config.reference_dynamic, "degeneracy.reference_dynamic")};
+}
 
 void InformationWeights::push(const std::array<double, 3>& sub_factors) {
   for (std::size_t k = 0; k < 3; ++k) histograms_[k].push(sub_factors[k]);
@@ -73,7 +101,8 @@ std::array<double, 3> InformationWeights::weights() const {
   for (std::size_t k = 0; k < 3; ++k) {
     const std::vector<double> p = histograms_[k].distribution();
     const double certainty = std::max(0.0, 1.0 - entropy(p) / largest_entropy);
-    const double divergence = kl_divergence(p, reference_) / largest_divergence_;
+    const double largest = -std::log(*std::min_element(references_[k].begin(), references_[k].end()));
+    const double divergence = kl_divergence(p, references_[k]) / largest;
     weights[k] =
         config_.weight_floor + config_.weight_entropy * certainty + config_.weight_divergence * divergence;
     sum += weights[k];

@@ -260,6 +260,19 @@ float texture_weight(const FeatureConfig& config, const degeneracy::Degeneracy& 
   return static_cast<float>(std::clamp(w, 0.0, config.score_max_weight));
 }
 
+/// Thresholds of the scan, from the feedback of the one before:
+///   edge  = t_edge (1 - a FDI) (1 + b c),   plane = t_plane (1 + a FDI) (1 - b c),   c = C / (1 + C)
+/// with the curvature complexity C. Degraded surroundings admit more of both; where the curvature is uneven
+/// only what is clearly sharp or clearly flat counts.
+FeatureConfig with_thresholds(FeatureConfig config, const degeneracy::Degeneracy& previous) {
+  const double complexity = previous.metrics.curvature_complexity;
+  const double degraded = config.threshold_fdi_gain * previous.fdi;
+  const double uneven = config.threshold_complexity_gain * complexity / (1.0 + complexity);
+  config.edge_min_curvature *= (1.0 - degraded) * (1.0 + uneven);
+  config.plane_max_curvature *= (1.0 + degraded) * (1.0 - uneven);
+  return config;
+}
+
 /// Robust maximum of the scan's intensity gradient, the 99 % quantile; never so small that noise counts.
 float largest_texture(const DeskewedScan& scan, float least) {
   constexpr std::size_t kStride = 8;
@@ -291,6 +304,7 @@ FeatureSet FeatureExtractor::extract(const DeskewedScan& scan, const degeneracy:
   const auto quota = [cells](int total) {
     return static_cast<std::uint32_t>((static_cast<std::size_t>(total) + cells - 1) / cells);
   };
+  const FeatureConfig thresholds = with_thresholds(config_, previous);
   ScanContext context{};
   context.scan = &scan;
   context.range_noise_m = range_noise_m_;
@@ -306,7 +320,7 @@ FeatureSet FeatureExtractor::extract(const DeskewedScan& scan, const degeneracy:
     for (std::size_t r = begin; r < end; ++r) {
       const Ring ring{scan.points.data() + scan.ring_begin[r], scan.ring_begin[r + 1] - scan.ring_begin[r],
                       scan.ring_begin[r]};
-      found[r] = extract_ring(ring, config_, context);
+      found[r] = extract_ring(ring, thresholds, context);
     }
   });
   keep_best_textures(static_cast<std::size_t>(config_.max_intensity), &found);

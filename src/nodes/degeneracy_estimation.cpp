@@ -2,6 +2,7 @@
 
 #include "fdi_lio/common/error.hpp"
 #include "fdi_lio/common/stamp_guard.hpp"
+#include "fdi_lio/ros/degeneracy_markers.hpp"
 #include "fdi_lio/ros/message_conversions.hpp"
 #include <fdi_lio/Degeneracy.h>
 
@@ -16,6 +17,7 @@ void DegeneracyEstimation::start() {
   status_gate_.emplace(config().nodes.answer_timeout_s);
   ros::NodeHandle& handle = getNodeHandle();
   degeneracy_publisher_ = handle.advertise<Degeneracy>("degeneracy", 50);
+  markers_publisher_ = handle.advertise<visualization_msgs::MarkerArray>("degeneracy/markers", 2);
   const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
   scan_subscriber_ = handle.subscribe("scan/deskewed", kQueue, &DegeneracyEstimation::on_scan, this, hints);
   features_subscriber_ =
@@ -49,8 +51,9 @@ void DegeneracyEstimation::on_features(const FeaturesConstPtr& message) {
 }
 
 void DegeneracyEstimation::on_status(const OptimisationStatusConstPtr& message) {
-  status_ = ros_bridge::to_status(*message);
-  status_gate_->answered(status_->stamp);
+  const degeneracy::OptimisationStatus status = ros_bridge::to_status(*message);
+  status_.add(status);
+  status_gate_->answered(status.stamp);
   while (process_front()) {
   }
 }
@@ -70,9 +73,12 @@ bool DegeneracyEstimation::process_front() {
   if (!has_scan) return true;
   previous_scan_ = ros_bridge::to_stamp(stamp);
   try {
-    const degeneracy::Degeneracy degeneracy = estimator_->estimate(
-        ros_bridge::to_scan(*scans_.front()), ros_bridge::to_features(*features), status_);
+    const degeneracy::Degeneracy degeneracy =
+        estimator_->estimate(ros_bridge::to_scan(*scans_.front()), ros_bridge::to_features(*features),
+                             status_.before(*previous_scan_));
     degeneracy_publisher_.publish(ros_bridge::to_message(degeneracy, config().frames.imu));
+    if (markers_publisher_.getNumSubscribers() > 0)
+      markers_publisher_.publish(ros_bridge::degeneracy_markers(degeneracy, config().frames.imu));
   } catch (const Error& error) {
     reporter()->report(Severity::kError, "scan_message", error.what());
   }
@@ -86,7 +92,7 @@ void DegeneracyEstimation::check_waiting() {
   if (status_gate_->take_timeout())
     reporter()->report(Severity::kWarning, "mapping_silent",
                        "mapping_optimization does not answer: the directions of the newest scan that it "
-                       "answered are kept");
+                       "answered are kept for a second");
 }
 
 void DegeneracyEstimation::fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* status) {

@@ -6,6 +6,7 @@
 #include "node_base.hpp"
 
 #include "fdi_lio/common/answer_gate.hpp"
+#include "fdi_lio/common/feedback.hpp"
 #include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
 #include <fdi_lio/DeskewedCloud.h>
 #include <fdi_lio/Features.h>
@@ -14,7 +15,8 @@
 namespace fdi_lio::nodes {
 
 /// degeneracy_estimation: the Degeneracy of each scan from the scan, its features, and what mapping found
-/// about the scan before. When mapping does not answer in time its newest status is used.
+/// about the scan before. When mapping does not answer in time its newest status is used, for a second; one
+/// that is late or repeated changes nothing.
 class DegeneracyEstimation : public NodeBase {
  protected:
   void start() override;
@@ -22,6 +24,8 @@ class DegeneracyEstimation : public NodeBase {
   void fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* status) override;
 
  private:
+  static constexpr double kOldestStatusS = 1.0;
+
   void on_scan(const DeskewedCloudConstPtr& message);
   void on_features(const FeaturesConstPtr& message);
   void on_status(const OptimisationStatusConstPtr& message);
@@ -29,13 +33,13 @@ class DegeneracyEstimation : public NodeBase {
 
   std::optional<degeneracy::DegeneracyEstimator> estimator_;
   std::optional<AnswerGate> status_gate_;
-  std::optional<degeneracy::OptimisationStatus> status_;
+  Feedback<degeneracy::OptimisationStatus> status_{kOldestStatusS};
   std::optional<Stamp> previous_scan_;
   std::deque<DeskewedCloudConstPtr> scans_;
   std::deque<FeaturesConstPtr> features_;
   SteadyClock::time_point front_since_;
   ros::Subscriber scan_subscriber_, features_subscriber_, status_subscriber_;
-  ros::Publisher degeneracy_publisher_;
+  ros::Publisher degeneracy_publisher_, markers_publisher_;
 };
 
 }  // namespace fdi_lio::nodes

@@ -10,7 +10,6 @@
 namespace fdi_lio::nodes {
 
 namespace {
-constexpr double kOldestFeedbackS = 1.0;
 constexpr std::size_t kQueue = 50;
 }  // namespace
 
@@ -47,8 +46,9 @@ void FeatureExtraction::on_scan(const DeskewedCloudConstPtr& message) {
 }
 
 void FeatureExtraction::on_degeneracy(const DegeneracyConstPtr& message) {
-  degeneracy_ = ros_bridge::to_degeneracy(*message);
-  degeneracy_gate_->answered(degeneracy_->stamp);
+  const degeneracy::Degeneracy degeneracy = ros_bridge::to_degeneracy(*message);
+  degeneracy_.add(degeneracy);
+  degeneracy_gate_->answered(degeneracy.stamp);
   while (process_front()) {
   }
 }
@@ -62,10 +62,7 @@ bool FeatureExtraction::process_front() {
   front_since_ = SteadyClock::now();
   const Stamp stamp = ros_bridge::to_stamp(message->header.stamp);
   previous_scan_ = stamp;
-  degeneracy::Degeneracy feedback;
-  if (degeneracy_ && degeneracy_->stamp < stamp &&
-      seconds_between(degeneracy_->stamp, stamp) <= kOldestFeedbackS)
-    feedback = *degeneracy_;
+  const degeneracy::Degeneracy feedback = degeneracy_.before(stamp).value_or(degeneracy::Degeneracy());
   try {
     const FeaturesPtr features = ros_bridge::to_message(
         extractor_->extract(ros_bridge::to_scan(*message), feedback), message->header.frame_id);

@@ -6,6 +6,7 @@
 #include "node_base.hpp"
 
 #include "fdi_lio/common/answer_gate.hpp"
+#include "fdi_lio/common/feedback.hpp"
 #include "fdi_lio/features/feature_extractor.hpp"
 #include <fdi_lio/Degeneracy.h>
 #include <fdi_lio/DeskewedCloud.h>
@@ -13,7 +14,8 @@
 namespace fdi_lio::nodes {
 
 /// feature_extraction: features of a deskewed scan, chosen with the degeneracy of the scan before. When that
-/// does not come in time the newest one is used if it is at most a second old, and else the neutral value.
+/// does not come in time the newest one is used if it is at most a second old, and else the neutral value;
+/// one that is late or repeated changes nothing.
 class FeatureExtraction : public NodeBase {
  protected:
   void start() override;
@@ -21,13 +23,15 @@ class FeatureExtraction : public NodeBase {
   void fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* status) override;
 
  private:
+  static constexpr double kOldestFeedbackS = 1.0;
+
   void on_scan(const DeskewedCloudConstPtr& message);
   void on_degeneracy(const DegeneracyConstPtr& message);
   bool process_front();
 
   std::optional<features::FeatureExtractor> extractor_;
   std::optional<AnswerGate> degeneracy_gate_;
-  std::optional<degeneracy::Degeneracy> degeneracy_;
+  Feedback<degeneracy::Degeneracy> degeneracy_{kOldestFeedbackS};
   std::optional<Stamp> previous_scan_;
   std::deque<DeskewedCloudConstPtr> scans_;
   SteadyClock::time_point front_since_;

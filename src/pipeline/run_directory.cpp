@@ -45,10 +45,12 @@ RunDirectory::RunDirectory(const std::string& path, const Config& config)
   write_config(config, run);
   run.flush();
   check_written(run, path_ / "run.yaml");
-  degeneracy_
-      << "stamp,fdi,structural,sparse,dynamic,weight_structural,weight_sparse,weight_dynamic,class,"
-         "geometric_complexity,curvature_complexity,point_entropy,plane_deviation,gradient_mean,"
-         "gradient_variation,planes,edges,textures,matched,matched_textures,iterations,residual_rms\n";
+  degeneracy_ << "stamp,fdi,structural,sparse,dynamic,weight_structural,weight_sparse,weight_dynamic,class,"
+                 "geometric_complexity,curvature_complexity,point_entropy,plane_deviation,gradient_mean,"
+                 "gradient_variation,moving_share,position_sigma,points,planes,edges,textures,matched,"
+                 "matched_textures,iterations,residual_rms";
+  for (int axis = 0; axis < 6; ++axis) degeneracy_ << ",localizability_" << axis;
+  degeneracy_ << '\n';
   degeneracy_.precision(std::numeric_limits<double>::max_digits10);
   covariance_ << "stamp";
   for (int row = 0; row < 6; ++row) {
@@ -77,10 +79,14 @@ void RunDirectory::write_degeneracy(const ScanOutput& output) {
               << ',' << d.weights[2] << ',' << kClasses[static_cast<int>(d.environment)] << ','
               << m.geometric_complexity << ',' << m.curvature_complexity << ',' << m.point_entropy << ','
               << m.plane_deviation_m << ',' << m.gradient_mean << ',' << m.gradient_variation << ','
+              << m.moving_share << ',' << m.position_sigma_m << ','
+              << output.scan.points.size() + output.scan.removed.size() << ','
               << output.features.planes.size() << ',' << output.features.edges.size() << ','
               << output.features.intensity_edges.size() << ',' << output.estimate.status.matched << ','
               << output.estimate.matched_textures << ',' << output.estimate.status.iterations << ','
-              << output.estimate.status.residual_rms_m << '\n';
+              << output.estimate.status.residual_rms_m;
+  for (int axis = 0; axis < 6; ++axis) degeneracy_ << ',' << d.localizability[axis];
+  degeneracy_ << '\n';
   check_written(degeneracy_, path_ / "degeneracy.csv");
 }
 

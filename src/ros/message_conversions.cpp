@@ -74,6 +74,9 @@ DegeneracyPtr to_message(const degeneracy::Degeneracy& degeneracy, const std::st
   message->has_gradient = degeneracy.metrics.has_gradient;
   message->gradient_mean = degeneracy.metrics.gradient_mean;
   message->gradient_variation = degeneracy.metrics.gradient_variation;
+  message->has_moving_share = degeneracy.metrics.has_moving_share;
+  message->moving_share = degeneracy.metrics.moving_share;
+  message->position_sigma = degeneracy.metrics.position_sigma_m;
   message->environment = static_cast<std::uint8_t>(degeneracy.environment);
   fill(degeneracy.axes, &message->axes);
   fill(degeneracy.localizability, &message->localizability);
@@ -95,6 +98,9 @@ degeneracy::Degeneracy to_degeneracy(const Degeneracy& message) {
   degeneracy.metrics.has_gradient = message.has_gradient != 0;
   degeneracy.metrics.gradient_mean = message.gradient_mean;
   degeneracy.metrics.gradient_variation = message.gradient_variation;
+  degeneracy.metrics.has_moving_share = message.has_moving_share != 0;
+  degeneracy.metrics.moving_share = message.moving_share;
+  degeneracy.metrics.position_sigma_m = message.position_sigma;
   degeneracy.environment = static_cast<degeneracy::EnvironmentClass>(message.environment & 3U);
   read(message.axes, &degeneracy.axes);
   read(message.localizability, &degeneracy.localizability);
@@ -108,6 +114,7 @@ OptimisationStatusPtr to_status_message(const mapping::EstimateResult& estimate,
   message->header.frame_id = imu_frame;
   fill(estimate.status.axes, &message->axes);
   fill(estimate.status.localizability, &message->localizability);
+  message->position_sigma = degeneracy::weakest_position_sigma_m(estimate.covariance);
   message->residual_rms = estimate.status.residual_rms_m;
   message->iterations = estimate.status.iterations;
   message->matched = estimate.status.matched;
@@ -121,6 +128,7 @@ degeneracy::OptimisationStatus to_status(const OptimisationStatus& message) {
   status.stamp = to_stamp(message.header.stamp);
   read(message.axes, &status.axes);
   read(message.localizability, &status.localizability);
+  status.position_sigma_m = message.position_sigma;
   status.residual_rms_m = message.residual_rms;
   status.iterations = message.iterations;
   status.matched = message.matched;

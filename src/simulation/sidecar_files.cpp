@@ -73,10 +73,12 @@ void LabelWriter::add(Stamp stamp, const std::vector<std::int16_t>& labels) {
 void LabelWriter::close() { finish(&out_, path_); }
 
 void write_truth(const std::string& path, const Scenario& scenario, std::uint64_t seed,
-                 const LidarErrors& errors, const ImuReading& first, const ImuReading& last) {
+                 std::optional<double> tunnel_begin_x_m, const LidarErrors& errors, const ImuReading& first,
+                 const ImuReading& last) {
   std::ofstream out = open_for_writing(path);
-  out << "seed: " << seed << "\n"
-      << "T_imu_lidar_true:\n"
+  out << "seed: " << seed << "\n";
+  if (tunnel_begin_x_m) out << "tunnel_begin_x: " << *tunnel_begin_x_m << "\n";
+  out << "T_imu_lidar_true:\n"
       << "  translation: " << vector_text(errors.T_imu_lidar.translation()) << "\n"
       << "  rotation: " << quaternion_text(Eigen::Quaterniond(errors.T_imu_lidar.linear())) << "\n"
       << "lidar_clock_ahead_s: " << errors.time_offset_s << "\n"

@@ -93,6 +93,7 @@ Place make_street_tunnel(const Scenario& scenario, std::uint64_t seed) {
   constexpr double kStart = kOuterRoad + 12.0;  // behind the first crossing
   place.trajectory = std::make_unique<Trajectory>(
       drive(way, grid.ground, scenario.motion, kStart, scenario.duration_s, seed));
+  place.tunnel_begin_x_m = axis.at(portal).position.x();
   add_city_traffic(&b, materials, grid, way, kStart, scenario.motion, *place.trajectory);
   place.world = b.finish();
   return place;

@@ -288,7 +288,8 @@ class Recorder {
     bag_->close();
     tum_.close();
     labels_.close();
-    sim::write_truth(files.working(".yaml"), scenario_, seed, lidar_.errors(), first_, next_);
+    sim::write_truth(files.working(".yaml"), scenario_, seed, place_.tunnel_begin_x_m, lidar_.errors(),
+                     first_, next_);
     sim::write_system_config(files.working(".config.yaml"), scenario_, model_);
   }
   /// A scan as it is written.

@@ -24,11 +24,23 @@ DeskewedScan square_room(double half, bool with_pole, int points = 1800) {
   return scan;
 }
 
-FeatureSet extract(const DeskewedScan& scan, const FeatureConfig& features = FeatureConfig()) {
+FeatureSet extract(const DeskewedScan& scan, const FeatureConfig& features = FeatureConfig(),
+                   const degeneracy::Degeneracy& previous = degeneracy::Degeneracy()) {
   Reporter reporter;
   Config config;
   config.features = features;
-  return FeatureExtractor(config, &reporter).extract(scan, degeneracy::Degeneracy());
+  return FeatureExtractor(config, &reporter).extract(scan, previous);
+}
+
+/// The room with walls that zigzag, more and more along the ring, so that every curvature occurs.
+DeskewedScan zigzag(int points = 1800) {
+  DeskewedScan scan = square_room(5.0, false, points);
+  for (int k = 0; k < points; ++k) {
+    const float amplitude = 0.5F * static_cast<float>(k) / static_cast<float>(points);
+    scan.points[static_cast<std::size_t>(k)].position *=
+        1.0F + ((k / 15) % 2 == 0 ? amplitude : -amplitude) / 5.0F;
+  }
+  return scan;
 }
 
 TEST(FeatureExtractor, CornersAreEdgesAndWallsArePlanes) {
@@ -73,6 +85,42 @@ TEST(FeatureExtractor, QuotasSpreadFeaturesOverTheSectors) {
   }
   // A point on a border may count to either side.
   for (const int count : by_side) EXPECT_NEAR(count, 25, 1);
+}
+
+TEST(FeatureExtractor, ThresholdsAdmitMoreWhereTheScanBeforeWasDegraded) {
+  FeatureConfig config;
+  config.threshold_fdi_gain = 0.5;
+  config.max_planes = config.max_edges = 100000;
+  degeneracy::Degeneracy degraded;
+  degraded.fdi = 1.0;
+  const DeskewedScan scan = zigzag();
+  const FeatureSet neutral = extract(scan, config);
+  const FeatureSet more = extract(scan, config, degraded);
+  EXPECT_GT(more.planes.size(), neutral.planes.size());
+  EXPECT_GT(more.edges.size(), neutral.edges.size());
+  // The same as thresholds that are written into the parameters.
+  FeatureConfig moved = config;
+  moved.edge_min_curvature *= 0.5;
+  moved.plane_max_curvature *= 1.5;
+  const FeatureSet expected = extract(scan, moved);
+  EXPECT_EQ(more.planes.size(), expected.planes.size());
+  EXPECT_EQ(more.edges.size(), expected.edges.size());
+}
+
+TEST(FeatureExtractor, ThresholdsAdmitLessWhereTheCurvatureIsUneven) {
+  FeatureConfig config;
+  config.threshold_complexity_gain = 0.5;
+  degeneracy::Degeneracy uneven;
+  uneven.metrics.curvature_complexity = 3.0;  // c = 3 / 4
+  const DeskewedScan scan = zigzag();
+  FeatureConfig moved = config;
+  moved.edge_min_curvature *= 1.375;
+  moved.plane_max_curvature *= 0.625;
+  const FeatureSet less = extract(scan, config, uneven);
+  const FeatureSet expected = extract(scan, moved);
+  EXPECT_EQ(less.planes.size(), expected.planes.size());
+  EXPECT_EQ(less.edges.size(), expected.edges.size());
+  EXPECT_LT(less.planes.size(), extract(scan, config).planes.size());
 }
 
 TEST(FeatureExtractor, EmptyAndTinyScansGiveNothing) {

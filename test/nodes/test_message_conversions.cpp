@@ -114,7 +114,8 @@ TEST_F(Conversions, DegeneracyKeepsEveryBit) {
   degeneracy.fdi = number();
   degeneracy.sub_factors = {number(), number(), number()};
   degeneracy.weights = {number(), number(), number()};
-  degeneracy.metrics = {number(), number(), number(), number(), true, number(), number()};
+  degeneracy.metrics = {number(), number(), number(), number(), true,
+                        number(), number(), true,     number(), number()};
   degeneracy.environment = degeneracy::EnvironmentClass::kMixed;
   randomise(&degeneracy.axes);
   randomise(&degeneracy.localizability);
@@ -130,6 +131,9 @@ TEST_F(Conversions, DegeneracyKeepsEveryBit) {
   EXPECT_EQ(back.metrics.has_gradient, degeneracy.metrics.has_gradient);
   EXPECT_EQ(back.metrics.gradient_mean, degeneracy.metrics.gradient_mean);
   EXPECT_EQ(back.metrics.gradient_variation, degeneracy.metrics.gradient_variation);
+  EXPECT_EQ(back.metrics.has_moving_share, degeneracy.metrics.has_moving_share);
+  EXPECT_EQ(back.metrics.moving_share, degeneracy.metrics.moving_share);
+  EXPECT_EQ(back.metrics.position_sigma_m, degeneracy.metrics.position_sigma_m);
   EXPECT_EQ(back.environment, degeneracy.environment);
   EXPECT_EQ(back.axes, degeneracy.axes);
   EXPECT_EQ(back.localizability, degeneracy.localizability);
@@ -141,6 +145,7 @@ TEST_F(Conversions, StatusAndStateKeepEveryBit) {
   randomise(&estimate.status.axes);
   randomise(&estimate.status.localizability);
   estimate.status.residual_rms_m = number();
+  estimate.covariance.diagonal() << 1.0, 1.0, 1.0, 1e-4, 9e-4, 4e-4;
   estimate.status.iterations = 3;
   estimate.status.matched = 4;
   imu::NavState& state = estimate.state;
@@ -158,6 +163,7 @@ TEST_F(Conversions, StatusAndStateKeepEveryBit) {
   EXPECT_EQ(status.axes, estimate.status.axes);
   EXPECT_EQ(status.localizability, estimate.status.localizability);
   EXPECT_EQ(status.residual_rms_m, estimate.status.residual_rms_m);
+  EXPECT_EQ(status.position_sigma_m, degeneracy::weakest_position_sigma_m(estimate.covariance));
   EXPECT_EQ(status.iterations, 3U);
   EXPECT_EQ(status.matched, 4U);
   const EstimatorStatePtr message = to_state_message(estimate, kStamp + 5, "odom", "imu");

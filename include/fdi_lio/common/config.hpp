@@ -6,6 +6,7 @@
 
 #include "fdi_lio/common/parameter_visitor.hpp"
 #include "fdi_lio/degeneracy/degeneracy_config.hpp"
+#include "fdi_lio/mapping/adaptation_config.hpp"
 #include "fdi_lio/mapping/global_config.hpp"
 #include "fdi_lio/scan/scan_config.hpp"
 
@@ -79,6 +80,8 @@ struct FeatureConfig {
   double curvature_half_width_m = 0.3;
   double plane_max_curvature = 0.1;
   double edge_min_curvature = 0.35;
+  double threshold_fdi_gain = 0.2;
+  double threshold_complexity_gain = 0.2;
   double plane_spacing_m = 0.25;
   int sectors = 8;
   int max_planes = 10000;
@@ -171,6 +174,7 @@ struct Config {
   FeatureConfig features;
   MappingConfig mapping;
   degeneracy::DegeneracyConfig degeneracy;
+  mapping::AdaptationConfig adaptation;
   mapping::LoopConfig loop;
   mapping::GnssConfig gnss;
   NodeConfig nodes;

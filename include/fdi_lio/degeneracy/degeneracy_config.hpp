@@ -1,8 +1,15 @@
 #pragma once
 
+#include <string>
+
 #include "fdi_lio/common/parameter_visitor.hpp"
 
 namespace fdi_lio::degeneracy {
+
+/// Reference distributions that ship with the package (learned_reference.cpp says how they were learned).
+extern const char* const kLearnedStructural;
+extern const char* const kLearnedSparse;
+extern const char* const kLearnedDynamic;
 
 /// Parameters of the degeneracy estimate. docs/degeneracy.md names each symbol.
 struct DegeneracyConfig {
@@ -22,26 +29,36 @@ struct DegeneracyConfig {
   double complexity_gain = 15.0;
   double complexity_centre = 0.6;
   double deviation_gain = 12.0;
-  double deviation_scale_m = 0.08;
-  double entropy_gain = 20.0;
-  double entropy_centre = 0.8;
+  double deviation_scale_m = 0.1;
+  double entropy_gain = 10.0;
+  double entropy_centre = 0.82;
   double gradient_gain = 3.0;
   double gradient_centre = 0.2;
-  double curvature_gain = 3.0;
-  double curvature_centre = 2.0;
-  double gradient_variation_gain = 1.0;
-  double gradient_variation_centre = 1.5;
+  double curvature_gain = 0.5;
+  double curvature_centre = 2.5;
+  double gradient_variation_gain = 0.5;
+  double gradient_variation_centre = 1.0;
+  double moving_gain = 1.5;
+  double moving_centre = 0.3;
+  double uncertainty_structural_gain = 3.0;
+  double uncertainty_sparse_gain = 3.0;
+  double uncertainty_centre_m = 0.004;
 
   int window_scans = 50;
   int histogram_bins = 10;
   double histogram_smoothing = 0.5;
+  std::string reference_structural = kLearnedStructural;
+  std::string reference_sparse = kLearnedSparse;
+  std::string reference_dynamic = kLearnedDynamic;
   double reference_scale = 0.3;
-  double weight_entropy = 1.0;
+  double weight_entropy = 0.3;
   double weight_divergence = 1.0;
   double weight_floor = 0.05;
 
   int class_hold_scans = 5;
   double class_margin = 0.1;
+  double class_poor_threshold = 0.7;
+  double class_dynamic_threshold = 0.05;
 
   void visit(ParameterVisitor& visitor);
 };

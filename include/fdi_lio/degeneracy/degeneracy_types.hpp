@@ -11,7 +11,7 @@ namespace fdi_lio::degeneracy {
 
 enum class EnvironmentClass : std::uint8_t { kStructured = 0, kSparse = 1, kDynamic = 2, kMixed = 3 };
 
-/// The four metrics of one scan.
+/// The four metrics of one scan, and what scan processing and mapping know besides.
 struct Metrics {
   double geometric_complexity =
       0.0;  ///< eigenvalue entropy of voxel covariances and of their normals, [0, 1]
@@ -22,6 +22,9 @@ struct Metrics {
   bool has_gradient = false;        ///< false: the scan has no intensity gradient, the next two say nothing
   double gradient_mean = 0.0;       ///< mean intensity gradient over the scan's robust maximum, [0, 1]
   double gradient_variation = 0.0;  ///< coefficient of variation of the intensity gradient
+  bool has_moving_share = false;    ///< false: moving points are not looked for, the next one says nothing
+  double moving_share = 0.0;        ///< share of the points that earlier scans prove to be moving, [0, 1]
+  double position_sigma_m = 0.0;    ///< of the weakest direction of the scan before, by mapping; 0: unknown
 };
 
 /// How degraded the surroundings of one scan are. The defaults are the neutral value.

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <deque>
+#include <string>
 #include <vector>
 
 #include "fdi_lio/degeneracy/degeneracy_config.hpp"
@@ -16,6 +17,12 @@ double kl_divergence(const std::vector<double>& p, const std::vector<double>& q)
 
 /// Distribution over `bins` equal bins of [0, 1], proportional to exp(-x / scale) at the middle of each.
 std::vector<double> reference_distribution(std::size_t bins, double scale);
+
+/// Reference distribution that `text` gives as numbers for its bins: all positive; they are divided by their
+/// sum. An empty text gives `reference_distribution(bins, scale)`. Throws Error, which names `parameter`,
+/// when a number is not positive and finite or when their count is not `bins`.
+std::vector<double> parse_reference(const std::string& text, const std::string& parameter, std::size_t bins,
+                                    double scale);
 
 /// Histogram over [0, 1] of the newest `window` values, with `smoothing` counts in each bin beforehand.
 class SlidingHistogram {
@@ -38,6 +45,7 @@ class SlidingHistogram {
 /// Weights of the sub-factors by the information of their recent history.
 class InformationWeights {
  public:
+  /// Throws Error when a reference distribution of `config` does not fit.
   explicit InformationWeights(const DegeneracyConfig& config);
 
   void push(const std::array<double, 3>& sub_factors);
@@ -46,8 +54,7 @@ class InformationWeights {
 
  private:
   DegeneracyConfig config_;
-  std::vector<double> reference_;
-  double largest_divergence_;
+  std::array<std::vector<double>, 3> references_;  ///< q_k
   std::vector<SlidingHistogram> histograms_;
 };
 

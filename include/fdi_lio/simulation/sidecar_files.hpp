@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <fstream>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,10 +42,11 @@ class LabelWriter {
   std::ofstream out_;
 };
 
-/// What was drawn for a recording: seed, true mounting and clock offset, biases, errors of each beam,
-/// scenario.
+/// What was drawn for a recording: seed, where a tunnel begins on the way (`tunnel_begin_x_m`, map frame),
+/// true mounting and clock offset, biases, errors of each beam, scenario.
 void write_truth(const std::string& path, const Scenario& scenario, std::uint64_t seed,
-                 const LidarErrors& errors, const ImuReading& first, const ImuReading& last);
+                 std::optional<double> tunnel_begin_x_m, const LidarErrors& errors, const ImuReading& first,
+                 const ImuReading& last);
 
 /// Parameters of fdi_lio for this recording: what a user would know from data sheets and drawings.
 void write_system_config(const std::string& path, const Scenario& scenario, const LidarModel& model);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "fdi_lio/simulation/random.hpp"
@@ -36,6 +37,8 @@ struct WorldBuilder {
 struct Place {
   std::unique_ptr<World> world;
   std::unique_ptr<Trajectory> trajectory;
+  /// Where the surroundings change their kind on the way: beyond this x of the map the way is in a tunnel.
+  std::optional<double> tunnel_begin_x_m = std::nullopt;
 };
 
 /// Draws the place of a scenario. Same scenario and seed, same place.

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "fdi_lio/common/parameter_visitor.hpp"
+
+namespace fdi_lio::mapping {
+
+/// What the degeneracy changes in mapping, each by itself (mapping/adaptation.hpp has the equations).
+struct AdaptationConfig {
+  bool voxel = true;
+  double voxel_gain = 0.2;
+  bool iterations = true;
+  double iterations_gain = 0.5;
+  bool weights = true;
+  double plane_gain = 0.2;
+  double edge_gain = 0.5;
+  bool noise = true;
+  double noise_gain = 1.0;
+  bool keyframes = true;
+  double keyframe_decay = 0.5;
+  double keyframe_gain = 0.2;
+  double keyframe_least_distance_m = 0.1;
+
+  void visit(ParameterVisitor& visitor);
+};
+
+}  // namespace fdi_lio::mapping

@@ -1,0 +1,169 @@
+"""Whether the FDI and the class of the surroundings are right: rank correlation, share of right classes, flickers."""
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Dict, List, Optional, Sequence
+
+import numpy as np
+
+from .degeneracy_csv import Degeneracy, read_degeneracy
+from .degeneracy_truth import CLASSES, read_recording, registration_errors_m, true_classes
+from .errors import UserError
+from .trajectory_io import read_trajectory
+
+SUB_FACTORS = ("structural", "sparse", "dynamic")
+FEWEST_SCANS = 3  # of a rank correlation
+
+
+@dataclass(frozen=True)
+class JudgedRun:
+    """Scans of one run with what is true of them. `true_class` is empty for a real recording."""
+
+    name: str
+    table: Degeneracy
+    error_m: np.ndarray
+    true_class: List[str]
+
+
+def ranks(values: np.ndarray) -> np.ndarray:
+    """Ranks from 0; equal values share the mean of their ranks."""
+    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
+    ends = np.cumsum(counts)
+    return (ends - 0.5 * (counts + 1))[inverse]
+
+
+def spearman(a: np.ndarray, b: np.ndarray) -> float:
+    """Spearman's rank correlation over the pairs in which both are finite; NaN if one is constant."""
+    both = np.isfinite(a) & np.isfinite(b)
+    if np.count_nonzero(both) < FEWEST_SCANS:
+        return float("nan")
+    x, y = ranks(a[both]), ranks(b[both])
+    x, y = x - x.mean(), y - y.mean()
+    scale = np.sqrt((x @ x) * (y @ y))
+    return float(x @ y / scale) if scale > 0 else float("nan")
+
+
+def class_changes(classes: Sequence[str]) -> int:
+    """How often the class differs from that of the scan before."""
+    return sum(1 for before, now in zip(classes, classes[1:]) if before != now)
+
+
+def flickers(classes: Sequence[str], true_class: Sequence[str]) -> int:
+    """Changes of the class beyond those that the surroundings made."""
+    return max(0, class_changes(classes) - class_changes(true_class))
+
+
+def judge_run(run: Path, truth_folder: Optional[Path]) -> JudgedRun:
+    """Reads a folder of offline_slam and the truth of its recording."""
+    table = read_degeneracy(str(run / "degeneracy.csv"))
+    odometry = read_trajectory(str(run / "odometry.tum"))
+    stem = truth_stem(run, truth_folder)
+    truth = read_trajectory(f"{stem}.tum")
+    if len(odometry) != len(table.stamps) or np.abs(odometry.stamps - table.stamps).max() > 1e-3:
+        raise UserError(f"{run}: degeneracy.csv and odometry.tum are of different runs: run offline_slam again")
+    if odometry.stamps[-1] < truth.stamps[0] or odometry.stamps[0] > truth.stamps[-1]:
+        raise UserError(f"{run}: shares no time with {stem}.tum: is it the truth of this recording?")
+    recording = read_recording(stem)
+    classes: List[str] = []
+    if recording is not None:
+        if "points" not in table.others:
+            raise UserError(f"{run}/degeneracy.csv: has no column 'points': run offline_slam again")
+        classes = true_classes(recording, truth, table.stamps, table.others["points"])
+    return JudgedRun(run.name, table, registration_errors_m(odometry, truth), classes)
+
+
+def truth_stem(run: Path, truth_folder: Optional[Path]) -> Path:
+    """STEM of STEM.tum: the longest with which the run's name begins, so that `street_1_full` finds `street_1`."""
+    folder = truth_folder if truth_folder is not None else run.parent
+    stems = [file.with_suffix("") for file in folder.glob("*.tum") if run.name.startswith(file.stem)]
+    if not stems:
+        raise UserError(
+            f"{run}: {folder} holds no truth of it: expected {folder / run.name}.tum, or another name with which "
+            f"'{run.name}' begins (--truth DIR names the folder)"
+        )
+    return max(stems, key=lambda stem: len(stem.name))
+
+
+def figures(run: JudgedRun) -> Dict[str, object]:
+    """The figures of one run, or of several put together."""
+    row: Dict[str, object] = {
+        "run": run.name,
+        "scans": len(run.table.stamps),
+        "error_m": _median(run.error_m),
+        "fdi": _median(run.table.fdi),
+        "spearman": spearman(run.table.fdi, run.error_m),
+    }
+    for name in SUB_FACTORS:
+        if name in run.table.others:
+            row[f"spearman_{name}"] = spearman(run.table.others[name], run.error_m)
+    if run.true_class:
+        right = [a == b for a, b in zip(run.table.classes, run.true_class)]
+        row["right"] = float(np.mean(right))
+        row["flickers_per_100"] = 100.0 * flickers(run.table.classes, run.true_class) / len(right)
+        row["true_class"] = _shares(run.true_class)
+        row["class"] = _shares(run.table.classes)
+    return row
+
+
+def _median(values: np.ndarray) -> float:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # all NaN: a run too short
+        return float(np.nanmedian(values))
+
+
+def _shares(classes: Sequence[str]) -> str:
+    """`structured 80 %, sparse 20 %`, the largest first."""
+    counts = sorted(((list(classes).count(name), name) for name in CLASSES), reverse=True)
+    return ", ".join(f"{name} {100 * count / len(classes):.0f} %" for count, name in counts if count)
+
+
+def summary(runs: Sequence[JudgedRun]) -> Dict[str, object]:
+    """All scans of all runs together. Flickers are summed over the runs, not over their borders."""
+    joined = JudgedRun(
+        "all",
+        Degeneracy(
+            np.concatenate([run.table.stamps for run in runs]),
+            np.concatenate([run.table.fdi for run in runs]),
+            [],
+            {
+                name: np.concatenate([run.table.others[name] for run in runs])
+                for name in SUB_FACTORS if all(name in run.table.others for run in runs)
+            },
+        ),
+        np.concatenate([run.error_m for run in runs]),
+        [],
+    )
+    row = figures(joined)
+    judged = [run for run in runs if run.true_class]
+    if judged:
+        classes = [name for run in judged for name in run.table.classes]
+        truths = [name for run in judged for name in run.true_class]
+        count = sum(flickers(run.table.classes, run.true_class) for run in judged)
+        row["right"] = float(np.mean([a == b for a, b in zip(classes, truths)]))
+        row["flickers_per_100"] = 100.0 * count / len(truths)
+        row["right_by_class"] = {
+            name: float(np.mean([a == b for a, b in zip(classes, truths) if b == name]))
+            for name in CLASSES if name in truths
+        }
+    return row
+
+
+def text_table(rows: Sequence[Dict[str, object]]) -> str:
+    """One line a run, the last one over all."""
+    width = max(len(str(row["run"])) for row in rows)
+    lines = [f"{'run':{width}}  scans  error [m]   FDI  Spearman  right  flickers/100  true class -> class"]
+    for row in rows:
+        right = f"{100 * row['right']:4.0f} %  {row['flickers_per_100']:12.2f}" if "right" in row else ""
+        classes = f"  {row['true_class']} -> {row['class']}" if "true_class" in row else ""
+        lines.append(
+            f"{row['run']:{width}}  {row['scans']:5d}  {row['error_m']:9.4f}  {row['fdi']:.2f}  "
+            f"{row['spearman']:8.2f}  {right}{classes}"
+        )
+    whole = rows[-1]
+    for name in SUB_FACTORS:
+        if f"spearman_{name}" in whole:
+            lines.append(f"Spearman of the {name} sub-factor, all scans: {whole[f'spearman_{name}']:.2f}")
+    for name, share in dict(whole.get("right_by_class", {})).items():
+        lines.append(f"right where {name} is true: {100 * share:.0f} %")
+    return "\n".join(lines) + "\n"

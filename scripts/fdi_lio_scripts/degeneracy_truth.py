@@ -1,0 +1,129 @@
+"""What the degeneracy of a simulated scan should have been: registration error and class of the surroundings.
+
+Registration error of scan k: translation of the relative pose error over one second about it,
+    e_k = |t((Q_i^-1 Q_j)^-1 (P_i^-1 P_j))|,   i the last scan at least 0.5 s before k, j the first 0.5 s after,
+with odometry P (before loop closures) and truth Q. One second, because from scan to scan the noise of two
+poses hides the drift. Scans at the ends, where i or j is missing, have no error.
+
+True class: from how the place was built and what moved in it, not from what the system made of it.
+    poor     by construction the surfaces do not fix every direction well: tunnel, corridor and highway repeat along
+             the way; a forest has hardly a flat surface; a mine is smooth when its relief is below ROUGH_RELIEF
+             (rough rock fixes every direction); street_tunnel beyond `tunnel_begin_x`
+    moving   at least MOVING_SHARE of the points of the scan lie on moving objects (FILE.labels), averaged over the
+             last SMOOTHING_S seconds
+    structured = neither, sparse = poor, dynamic = moving, mixed = both
+"""
+
+import re
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Dict, List, Optional
+
+import numpy as np
+
+from .association import interpolate_at
+from .errors import UserError
+from .metrics import relative_errors
+from .trajectory import Trajectory
+
+CLASSES = ("structured", "sparse", "dynamic", "mixed")
+POOR_WORLDS = ("tunnel", "corridor", "highway", "forest")
+ROUGH_RELIEF = 0.5
+HALF_WINDOW_S = 0.5
+MOVING_SHARE = 0.07
+SMOOTHING_S = 1.0
+
+
+def registration_errors_m(odometry: Trajectory, truth: Trajectory) -> np.ndarray:
+    """e_k of each pose of `odometry`; NaN where the second about it is not covered."""
+    stamps = odometry.stamps
+    errors = np.full(len(stamps), np.nan)
+    slack_s = 1e-6
+    first = np.searchsorted(stamps, stamps - HALF_WINDOW_S + slack_s) - 1
+    last = np.searchsorted(stamps, stamps + HALF_WINDOW_S - slack_s)
+    covered = np.flatnonzero((first >= 0) & (last < len(stamps)))
+    i, j = first[covered], last[covered]
+    # A gap of the odometry would make the step longer than that of the others.
+    near = stamps[j] - stamps[i] < 3 * HALF_WINDOW_S
+    near &= (stamps[i] >= truth.stamps[0]) & (stamps[j] <= truth.stamps[-1])
+    covered, i, j = covered[near], i[near], j[near]
+    if len(covered) == 0:
+        return errors
+    inside = np.clip(stamps, truth.stamps[0], truth.stamps[-1])
+    errors[covered] = relative_errors(odometry, interpolate_at(truth, inside), i, j).translation_m
+    return errors
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What simulate_bag wrote about a recording. `tunnel_begin_x_m` is infinite where there is none."""
+
+    world: str
+    relief: float
+    tunnel_begin_x_m: float
+    moving_points: Dict[int, int]  # by the header stamp of the scan [ns]
+
+    def is_poor(self, x_m: np.ndarray) -> np.ndarray:
+        """Whether the surroundings of positions with these x in the map leave directions weak."""
+        smooth_mine = self.world == "mine" and self.relief < ROUGH_RELIEF
+        return (x_m > self.tunnel_begin_x_m) | (self.world in POOR_WORLDS) | smooth_mine
+
+
+def read_recording(stem: Path) -> Optional[Recording]:
+    """STEM.yaml and STEM.labels; None when there is neither (a real recording)."""
+    description, labels = Path(f"{stem}.yaml"), Path(f"{stem}.labels")
+    if not description.is_file() and not labels.is_file():
+        return None
+    if not description.is_file() or not labels.is_file():
+        raise UserError(f"{stem}: has only one of .yaml and .labels: keep both of them")
+    text = description.read_text(encoding="utf-8")
+    world = re.search(r"^  world:\n    type: ([a-z_]+)(?:\n    .*)*?\n    relief: (\S+)", text, re.MULTILINE)
+    if not world:
+        raise UserError(f"{description}: names no world type and relief: was it written by simulate_bag?")
+    begin = re.search(r"^tunnel_begin_x: (\S+)", text, re.MULTILINE)
+    if world[1] == "street_tunnel" and not begin:
+        raise UserError(f"{description}: has no tunnel_begin_x: simulate the recording anew")
+    return Recording(
+        world[1], float(world[2]), float(begin[1]) if begin else np.inf, read_labels(labels)
+    )
+
+
+def read_labels(path: Path) -> Dict[int, int]:
+    """Number of points on moving objects, by the header stamp of the scan [ns]."""
+    content = path.read_bytes()
+    counts: Dict[int, int] = {}
+    position = 0
+    while position < len(content):
+        if position + 12 > len(content):
+            raise UserError(f"{path}: is cut short")
+        stamp, size = struct.unpack_from("<qI", content, position)
+        position += 12
+        if position + 2 * size > len(content):
+            raise UserError(f"{path}: is cut short")
+        labels = np.frombuffer(content, "<i2", size, position)
+        counts[stamp] = int(np.count_nonzero(labels > 0))
+        position += 2 * size
+    return counts
+
+
+def moving_shares(recording: Recording, stamps: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Share of moving points in each scan; `stamps` are reference stamps [s], up to a scan after the header's."""
+    headers = np.array(sorted(recording.moving_points), dtype=np.int64)
+    if len(headers) == 0:
+        raise UserError("the labels hold no scan")
+    index = np.clip(np.searchsorted(headers / 1e9, stamps - 1e-3) - 1, 0, len(headers) - 1)
+    moving = np.array([recording.moving_points[h] for h in headers[index].tolist()], dtype=float)
+    return np.minimum(1.0, moving / np.maximum(points, 1.0))
+
+
+def true_classes(recording: Recording, truth: Trajectory, stamps: np.ndarray, points: np.ndarray) -> List[str]:
+    """Class of the surroundings of each scan (see above); `points` is how many each has."""
+    shares = moving_shares(recording, stamps, points)
+    inside = np.clip(stamps, truth.stamps[0], truth.stamps[-1])
+    x_m = interpolate_at(truth, inside).positions[:, 0]
+    poor = recording.is_poor(x_m)
+    moving = np.array([
+        shares[(stamps > stamp - SMOOTHING_S) & (stamps <= stamp)].mean() >= MOVING_SHARE for stamp in stamps
+    ])
+    return [CLASSES[int(p) + 2 * int(m)] for p, m in zip(poor, moving)]

@@ -1,0 +1,162 @@
+"""evaluate_degeneracy.py: rank correlation, registration error, true classes and flickers with known answers."""
+
+import json
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from trajectories import line, write_tum
+
+from fdi_lio_scripts.degeneracy_evaluation import class_changes, flickers, ranks, spearman
+from fdi_lio_scripts.degeneracy_truth import (
+    Recording, moving_shares, read_labels, registration_errors_m, true_classes
+)
+from fdi_lio_scripts.errors import UserError
+
+
+def test_ranks_share_the_mean_of_equal_values():
+    assert ranks(np.array([3.0, 1.0, 3.0, 2.0])).tolist() == [2.5, 0.0, 2.5, 1.0]
+
+
+def test_spearman_of_monotonic_pairs_is_one():
+    x = np.linspace(0.1, 3, 50)
+    assert spearman(x, np.exp(x)) == pytest.approx(1.0)
+    assert spearman(x, -x**3) == pytest.approx(-1.0)
+
+
+def test_spearman_equals_the_formula_of_rank_differences():
+    random = np.random.default_rng(3)
+    a, b = random.permutation(30).astype(float), random.permutation(30).astype(float)
+    n, d = 30, a - b  # permutations are their own ranks
+    assert spearman(a, b) == pytest.approx(1 - 6 * (d @ d) / (n * (n * n - 1)))
+
+
+def test_spearman_leaves_out_what_is_unknown_and_knows_when_it_says_nothing():
+    x = np.arange(5.0)
+    assert spearman(x, np.array([0.0, np.nan, 2.0, 3.0, 4.0])) == pytest.approx(1.0)
+    assert np.isnan(spearman(x, np.ones(5)))
+
+
+def test_registration_error_is_the_drift_over_a_second():
+    truth = line(30.0, 0.5)  # 10 Hz, 5 m/s
+    drifting = replace(truth, positions=truth.positions * [1.02, 1, 1])
+    errors = registration_errors_m(drifting, truth)
+    assert np.isnan(errors[:5]).all() and np.isnan(errors[-5:]).all()
+    np.testing.assert_allclose(errors[5:-5], 0.02 * 5.0, atol=1e-9)  # 10 steps of 0.1 s
+
+
+def test_registration_error_of_one_jump_is_seen_by_the_scans_about_it():
+    truth = line(30.0, 0.5)
+    positions = truth.positions.copy()
+    positions[30:, 1] += 0.3
+    errors = registration_errors_m(replace(truth, positions=positions), truth)
+    assert np.flatnonzero(np.nan_to_num(errors) > 1e-9).tolist() == list(range(25, 35))
+    np.testing.assert_allclose(errors[25:35], 0.3, atol=1e-9)
+
+
+def test_a_gap_in_the_odometry_has_no_error():
+    truth = line(60.0, 0.5)
+    kept = np.r_[0:40, 60:121]
+    errors = registration_errors_m(truth.take(kept), truth)
+    assert np.isnan(errors[36:44]).all()
+    assert np.isfinite(errors[10:34]).all()
+
+
+def write_labels(path, headers_ns, moving, total=10):
+    """A label file in which the first `moving[i]` of `total` points of scan i move."""
+    with open(path, "wb") as stream:
+        for header, count in zip(headers_ns, moving):
+            stream.write(struct.pack("<qI", header, total))
+            stream.write(np.r_[np.full(count, 7), np.zeros(total - count)].astype("<i2").tobytes())
+    return path
+
+
+def test_labels_are_counted_scan_by_scan(tmp_path):
+    path = write_labels(tmp_path / "a.labels", [10**9, 2 * 10**9], [3, 0])
+    assert read_labels(path) == {10**9: 3, 2 * 10**9: 0}
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(UserError, match="cut short"):
+        read_labels(path)
+
+
+def test_shares_belong_to_the_scan_whose_header_comes_before():
+    recording = Recording("plaza", 1.0, np.inf, {0: 5, 10**8: 20})
+    shares = moving_shares(recording, np.array([0.0999, 0.1999]), np.array([50.0, 50.0]))
+    np.testing.assert_allclose(shares, [0.1, 0.4])
+
+
+@pytest.mark.parametrize("world, relief, moving, expected", [
+    ("street", 1, 0, "structured"), ("tunnel", 1, 0, "sparse"), ("plaza", 1, 40, "dynamic"),
+    ("highway", 1, 40, "mixed"), ("mine", 1, 0, "structured"), ("mine", 0.4, 0, "sparse"),
+    ("street", 0.4, 5, "structured")
+])
+def test_class_of_world_and_movers(world, relief, moving, expected):
+    truth = line(10.0, 0.5)
+    headers = {int(round(1e9 * (s - 0.09))): moving for s in truth.stamps}
+    classes = true_classes(Recording(world, relief, np.inf, headers), truth, truth.stamps, np.full(len(truth), 100.0))
+    assert set(classes) == {expected}
+
+
+def test_street_becomes_sparse_at_the_portal():
+    truth = line(10.0, 0.5)
+    headers = {int(round(1e9 * (s - 0.09))): 0 for s in truth.stamps}
+    recording = Recording("street_tunnel", 1.0, 5.2, headers)
+    classes = true_classes(recording, truth, truth.stamps, np.full(len(truth), 100.0))
+    assert classes == ["structured"] * 11 + ["sparse"] * 10
+
+
+def test_flickers_are_changes_that_the_surroundings_did_not_make():
+    assert class_changes(list("aabba")) == 2
+    assert flickers(list("aabba"), list("aaaaa")) == 2
+    assert flickers(list("aabbb"), list("aaabb")) == 0
+    assert flickers(list("aaaaa"), list("aabbb")) == 0
+
+
+def write_judged_run(folder, fdi_of_error, classes=None, extra=""):
+    """A run whose drift grows along the path, with the FDI as a function of the drift."""
+    truth = line(60.0, 0.5)
+    x = truth.positions[:, 0]
+    estimate = replace(truth, positions=np.column_stack([x + 0.0005 * x**2, 0 * x, 0 * x]))
+    run = folder / "street_1_full"
+    run.mkdir()
+    write_tum(folder / "street_1.tum", truth)
+    write_tum(run / "odometry.tum", estimate)
+    rows = ["stamp,fdi,structural,class,points" + extra]
+    for i, stamp in enumerate(truth.stamps):
+        name = classes[i] if classes else "structured"
+        rows.append(f"{stamp:.9f},{fdi_of_error(x[i]):.6f},0.5,{name},100")
+    (run / "degeneracy.csv").write_text("\n".join(rows) + "\n")
+    return run, truth
+
+
+def test_script_prints_the_correlation_of_a_real_recording(run_script, tmp_path):
+    run, _ = write_judged_run(tmp_path, lambda x: x / 60)
+    done = run_script("evaluate_degeneracy.py", run, "--json", tmp_path / "out.json")
+    assert done.returncode == 0, done.stderr
+    rows = json.loads((tmp_path / "out.json").read_text())
+    assert [row["run"] for row in rows] == ["street_1_full", "all"]
+    assert rows[-1]["spearman"] == pytest.approx(1.0)
+    assert "right" not in rows[-1]
+
+
+def test_script_judges_the_class_of_a_simulated_recording(run_script, tmp_path):
+    classes = ["structured"] * 60 + ["sparse"] + ["structured"] * 60
+    run, truth = write_judged_run(tmp_path, lambda x: 1 - x / 60, classes)
+    (tmp_path / "street_1.yaml").write_text("seed: 1\nscenario:\n  world:\n    type: street\n    cars: 5\n    relief: 1\n")
+    headers = [int(round(1e9 * (s - 0.09))) for s in truth.stamps]
+    write_labels(tmp_path / "street_1.labels", headers, [0] * len(headers))
+    done = run_script("evaluate_degeneracy.py", run, "--truth", tmp_path, "--json", tmp_path / "out.json")
+    assert done.returncode == 0, done.stderr
+    whole = json.loads((tmp_path / "out.json").read_text())[-1]
+    assert whole["spearman"] == pytest.approx(-1.0)
+    assert whole["right"] == pytest.approx(120 / 121)
+    assert whole["flickers_per_100"] == pytest.approx(200 / 121)
+
+
+def test_missing_truth_is_named(run_script, tmp_path):
+    run, _ = write_judged_run(tmp_path, lambda x: x / 60)
+    (tmp_path / "street_1.tum").unlink()
+    done = run_script("evaluate_degeneracy.py", run)
+    assert done.returncode == 2
+    assert "street_1_full" in done.stderr and "--truth" in done.stderr
