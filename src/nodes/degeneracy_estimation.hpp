@@ -31,6 +31,7 @@ class DegeneracyEstimation : public NodeBase {
   std::optional<AnswerGate> status_gate_;
   std::optional<degeneracy::OptimisationStatus> status_;
   std::optional<Stamp> previous_scan_;
+  Stamp anew_from_ = 0;  ///< what is said of earlier scans comes too late
   std::deque<DeskewedCloudConstPtr> scans_;
   std::deque<FeaturesConstPtr> features_;
   SteadyClock::time_point front_since_;
