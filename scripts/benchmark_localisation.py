@@ -3,7 +3,8 @@
 there, with other sensor errors and from other starts, half of them in the other direction, are localised in it.
 
 For each start: how long it took until the place was found, whether it was the right one, and the error of the poses
-in the session's map from then on, without any alignment of their own (the session's is that of its own truth).
+from then on, without any alignment of their own: in the world (the session is put where its own truth says, and
+its own error adds), and in the session (against where the session puts its own nearest pose).
 """
 import argparse
 import pathlib
@@ -69,6 +70,10 @@ def rigid(source, target):
     return rotation, q0 - rotation @ p0
 
 
+def rms(values):
+    return float(np.sqrt((values ** 2).mean()))
+
+
 def main():
     arguments = parse_arguments()
     drives = Drives(arguments)
@@ -78,11 +83,12 @@ def main():
         sys.exit(text)
     session = np.loadtxt(drives.path / "session/trajectory.tum")
     rotation, translation = rigid(session[:, 1:4], drives.truth_at("session", session[:, 0]))
-    residual = session[:, 1:4] @ rotation.T + translation - drives.truth_at("session", session[:, 0])
+    truth_of_session = drives.truth_at("session", session[:, 0])
+    residual = session[:, 1:4] @ rotation.T + translation - truth_of_session
     way = np.loadtxt(drives.path / "session.tum")
     length = np.linalg.norm(np.diff(way[:, 1:4], axis=0), axis=1).sum()
     print(f"session: {length:.0f} m, ATE {np.sqrt((residual ** 2).sum(axis=1).mean()):.3f} m", flush=True)
-    print("start s  reversed  found s  ATE m  worst m  off the session's way m", flush=True)
+    print("start s  reversed  found s  world m  session m  worst m  off the session's way m", flush=True)
     results = []
     for k in range(arguments.starts):
         start, is_reversed = int(arguments.session_duration * (k + 1) / (arguments.starts + 1)), k % 2 == 1
@@ -92,17 +98,23 @@ def main():
         is_found, _ = drives.run(name, "--localise", drives.path / "session/session")
         begin = np.loadtxt(drives.path / name / "odometry.tum")[0, 0]
         beside = np.linalg.norm(way[:, 1:4] - np.loadtxt(drives.path / f"{name}.tum")[0, 1:4], axis=1).min()
-        found_s, ate, worst = float("inf"), float("nan"), float("nan")
+        found_s, ate, local, worst = float("inf"), float("nan"), float("nan"), float("nan")
         if is_found:
             poses = np.loadtxt(drives.path / name / "trajectory.tum", ndmin=2)
             found_s = poses[0, 0] - begin
-            error = np.linalg.norm(poses[:, 1:4] @ rotation.T + translation - drives.truth_at(name, poses[:, 0]), axis=1)
-            ate, worst = np.sqrt((error ** 2).mean()), error.max()
-        results.append((found_s, ate, worst))
-        print(f"{start:7d}  {is_reversed!s:8}  {found_s:7.1f}  {ate:5.3f}  {worst:7.3f}  {beside:6.2f}", flush=True)
+            truth = drives.truth_at(name, poses[:, 0])
+            error = poses[:, 1:4] @ rotation.T + translation - truth
+            nearest = [np.argmin(np.linalg.norm(truth_of_session - p, axis=1)) for p in truth]
+            length_of = np.linalg.norm(error, axis=1)
+            ate, worst = rms(length_of), length_of.max()
+            local = rms(np.linalg.norm(error - residual[nearest], axis=1))
+        results.append((found_s, ate, worst, local))
+        print(f"{start:7d}  {is_reversed!s:8}  {found_s:7.1f}  {ate:7.3f}  {local:9.3f}  {worst:7.3f}  {beside:6.2f}",
+              flush=True)
     found = np.array(results)
     print(f"found within 10 s: {(found[:, 0] <= 10.0).mean():.0%}; wrong places: {(found[:, 2] > WRONG_M).sum()}; "
-          f"median ATE {np.nanmedian(found[:, 1]):.3f} m, largest {np.nanmax(found[:, 1]):.3f} m")
+          f"rms error in the session: median {np.nanmedian(found[:, 3]):.3f} m, largest {np.nanmax(found[:, 3]):.3f} m; "
+          f"in the world: median {np.nanmedian(found[:, 1]):.3f} m, largest {np.nanmax(found[:, 1]):.3f} m")
 
 
 if __name__ == "__main__":

@@ -100,7 +100,7 @@ void MappingOptimization::end_recording() {
   directory_.reset();
 }
 
-void MappingOptimization::begin_anew(const std::string& reason) {
+void MappingOptimization::begin_anew(Stamp stamp, const std::string& reason) {
   if (previous_scan_) {
     reporter()->report(Severity::kWarning, "restart",
                        reason + ": a new map is begun, what was recorded is saved");
@@ -112,6 +112,15 @@ void MappingOptimization::begin_anew(const std::string& reason) {
   previous_scan_.reset();
   imu_gate_->reset();
   degeneracy_gate_->reset();
+  // What is said of the scan to begin with may have come before it.
+  const auto answer = [stamp](const auto& queue, AnswerGate* gate) {
+    for (const auto& message : queue) {
+      const Stamp answered = ros_bridge::to_stamp(message->header.stamp);
+      if (!is_jump(stamp, answered)) gate->answered(answered);
+    }
+  };
+  answer(preintegrated_, &*imu_gate_);
+  answer(degeneracies_, &*degeneracy_gate_);
   if (estimator_) estimator_->reset();
   ++beginnings_;
 }
@@ -141,10 +150,10 @@ void MappingOptimization::request_reset() {
 void MappingOptimization::on_features(const FeaturesConstPtr& message) {
   const Stamp stamp = ros_bridge::to_stamp(message->header.stamp);
   if (previous_scan_ && is_jump(*previous_scan_, stamp)) {
-    begin_anew("the stamps of the scans jumped by " +
-               std::to_string(seconds_between(*previous_scan_, stamp)) + " s");
+    begin_anew(stamp, "the stamps of the scans jumped by " +
+                          std::to_string(seconds_between(*previous_scan_, stamp)) + " s");
   } else if (message->begins_anew) {
-    begin_anew("a reset was asked for");
+    begin_anew(stamp, "a reset was asked for");
   }
   if (features_.empty()) front_since_ = SteadyClock::now();
   features_.push_back(message);

@@ -48,7 +48,7 @@ class MappingOptimization : public NodeBase {
   std::string output_folder();
   void begin_recording();
   void end_recording();
-  void begin_anew(const std::string& reason);
+  void begin_anew(Stamp stamp, const std::string& reason);
   void begin_localising();
   void resume(const PreintegratedImu& message);
   void publish(const pipeline::ScanOutput& output, const std::string& lidar_frame);
