@@ -35,6 +35,9 @@ constexpr double kBaseSigmaM = 0.1;
 constexpr double kBaseSigmaRad = 0.5 * kDegree;
 /// A place is believed when it is known to this standard deviation.
 constexpr double kKnownSigmaM = 0.5;
+/// Or, where a pose was expected, to so many of its own: along a corridor the user's word may be all there
+/// is.
+constexpr double kGivenSigmas = 1.5;
 constexpr double kKnownSigmaRad = 2.0 * kDegree;
 /// Step of the headings about an expected one: what the search of a registration covers.
 constexpr double kHeadingStepRad = 0.3;
@@ -98,7 +101,8 @@ class Localiser::Implementation {
     int confirmations = 0;
     int failures = 0;
     int registrations = 0;
-    double score = 0.0;  ///< sum of the shares of walls that fitted
+    double score = 0.0;          ///< sum of the shares of walls that fitted
+    double known_sigma_m = 0.0;  ///< to which it must be known to be believed
 
     double mean_score() const { return registrations == 0 ? 0.0 : score / registrations; }
   };
@@ -127,8 +131,8 @@ class Localiser::Implementation {
   LoopCandidate search(Stamp stamp);
   void check(Hypothesis* hypothesis, Stamp stamp, LoopCandidate* newest);
   bool is_looked_at(const Eigen::Isometry3d& T_map_imu, double radius_m) const;
-  void look_at(const Eigen::Isometry3d& T_map_imu, double sigma_m, double sigma_rad, Stamp stamp,
-               LoopCandidate* newest);
+  void look_at(const Eigen::Isometry3d& T_map_imu, double sigma_m, double sigma_rad, double known_sigma_m,
+               Stamp stamp, LoopCandidate* newest);
   void look_where_expected(Stamp stamp, LoopCandidate* newest);
   void look_where_alike(Stamp stamp, LoopCandidate* newest);
   bool is_same_place(const Estimate& a, const Estimate& b) const;
@@ -345,7 +349,7 @@ bool Localiser::Implementation::is_looked_at(const Eigen::Isometry3d& T_map_imu,
 
 /// Adds a hypothesis for each place about `T_map_imu` that the scan fits.
 void Localiser::Implementation::look_at(const Eigen::Isometry3d& T_map_imu, double sigma_m, double sigma_rad,
-                                        Stamp stamp, LoopCandidate* newest) {
+                                        double known_sigma_m, Stamp stamp, LoopCandidate* newest) {
   const LoopCandidate found = register_at(T_map_imu, sigma_m, sigma_rad);
   if (found.wall_share >= newest->wall_share) *newest = found;
   if (found.verdict != LoopVerdict::kPending) return;
@@ -364,6 +368,7 @@ void Localiser::Implementation::look_at(const Eigen::Isometry3d& T_map_imu, doub
     if (candidate.verdict != LoopVerdict::kAccepted) continue;
     hypothesis.registrations = 1;
     hypothesis.score = candidate.wall_share;
+    hypothesis.known_sigma_m = known_sigma_m;
     hypotheses_.push_back(hypothesis);
   }
 }
@@ -377,7 +382,9 @@ void Localiser::Implementation::look_where_expected(Stamp stamp, LoopCandidate* 
   for (int turn = -turns; turn <= turns; ++turn) {
     Eigen::Isometry3d T = T_map_imu;
     T.linear() = Eigen::AngleAxisd(turn * kHeadingStepRad, Eigen::Vector3d::UnitZ()) * T_map_imu.linear();
-    if (!is_looked_at(T, 2.0 * sigma_m)) look_at(T, sigma_m, 0.5 * kHeadingStepRad, stamp, newest);
+    if (!is_looked_at(T, 2.0 * sigma_m))
+      look_at(T, sigma_m, 0.5 * kHeadingStepRad, std::max(kKnownSigmaM, kGivenSigmas * sigma_m), stamp,
+              newest);
   }
 }
 
@@ -390,7 +397,7 @@ void Localiser::Implementation::look_where_alike(Stamp stamp, LoopCandidate* new
     T_from_to.linear() = session_.turned(alike.index, alike.match.yaw_rad, T_odom_imu().linear());
     const Eigen::Isometry3d T_map_imu = session_.T_map_imu(alike.index) * T_from_to;
     if (is_looked_at(T_map_imu, 2.0 * kDescriptorSigmaM)) continue;
-    look_at(T_map_imu, kDescriptorSigmaM, kDescriptorSigmaRad, stamp, newest);
+    look_at(T_map_imu, kDescriptorSigmaM, kDescriptorSigmaRad, kKnownSigmaM, stamp, newest);
   }
 }
 
@@ -421,7 +428,7 @@ bool Localiser::Implementation::is_believable(const Hypothesis& hypothesis, Stam
       recent_.back().way_m - hypothesis.found_at_m >= config_.localisation.confirm_distance_m ||
       seconds_between(hypothesis.found_at, stamp) >= config_.localisation.confirm_time_s;
   const Matrix6d& covariance = hypothesis.estimate.covariance;
-  return is_long && largest_sigma(covariance.bottomRightCorner<3, 3>()) < kKnownSigmaM &&
+  return is_long && largest_sigma(covariance.bottomRightCorner<3, 3>()) < hypothesis.known_sigma_m &&
          largest_sigma(covariance.topLeftCorner<3, 3>()) < kKnownSigmaRad;
 }
 
