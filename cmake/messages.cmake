@@ -3,8 +3,17 @@ add_message_files(FILES
   DeskewedCloud.msg
   EstimatorState.msg
   Features.msg
+  GnssVerdict.msg
+  LocalisationStatus.msg
+  LoopCandidate.msg
   OptimisationStatus.msg
   PreintegratedImu.msg
   ScanInfo.msg
+)
+add_service_files(FILES
+  LoadMap.srv
+  Reset.srv
+  SaveMap.srv
+  SaveTrajectory.srv
 )
 generate_messages(DEPENDENCIES geometry_msgs sensor_msgs std_msgs)

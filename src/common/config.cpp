@@ -225,6 +225,9 @@ void NodeConfig::visit(ParameterVisitor& v) {
          0.02, 10.0);
   v.integer({"nodes.path_poses", "", "poses in the path message; beyond that every second one is dropped"},
             path_poses, 10, 1000000);
+  v.real({"nodes.correction_time_constant", "s",
+          "map -> odom follows a new correction with this time constant; 0: at once"},
+         correction_time_constant_s, 0.0, 600.0);
 }
 
 void CheckConfig::visit(ParameterVisitor& v) {
@@ -261,6 +264,7 @@ void Config::visit(ParameterVisitor& v) {
   adaptation.visit(v);
   loop.visit(v);
   gnss.visit(v);
+  localisation.visit(v);
   nodes.visit(v);
   check.visit(v);
   v.integer({"threads", "", "threads of one process; the result does not depend on it"}, threads, 1, 64);

@@ -1,6 +1,7 @@
 #include "fdi_lio/mapping/cloud_file.hpp"
 
 #include <array>
+#include <cstdio>
 #include <fstream>
 #include <sstream>
 #include <vector>
@@ -21,7 +22,47 @@ std::string header(std::size_t count) {
   return out.str();
 }
 
+std::string map_header(std::size_t count, CloudFormat format) {
+  std::ostringstream out;
+  if (format == CloudFormat::kPly) {
+    out << "ply\nformat binary_little_endian 1.0\nelement vertex " << count
+        << "\nproperty float x\nproperty float y\nproperty float z\nproperty float intensity\nend_header\n";
+  } else {
+    out << "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 "
+           "4\nTYPE F F F F\n"
+        << "COUNT 1 1 1 1\nWIDTH " << count << "\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS " << count
+        << "\nDATA binary\n";
+  }
+  return out.str();
+}
+
 }  // namespace
+
+CloudFormat to_cloud_format(const std::string& text) {
+  for (const CloudFormat format : {CloudFormat::kPcd, CloudFormat::kPly})
+    if (text == to_text(format)) return format;
+  throw Error("the format '" + text + "' is not known: choose pcd or ply");
+}
+
+const char* to_text(CloudFormat format) { return format == CloudFormat::kPly ? "ply" : "pcd"; }
+
+void write_cloud(const std::string& path, const std::vector<Point>& points, CloudFormat format) {
+  std::vector<float> data;
+  data.reserve(4 * points.size());
+  for (const Point& point : points)
+    data.insert(data.end(), {point.position.x(), point.position.y(), point.position.z(), point.intensity});
+  const std::string temporary = path + ".part";
+  std::ofstream out(temporary, std::ios::binary);
+  out << map_header(points.size(), format);
+  out.write(reinterpret_cast<const char*>(data.data()),
+            static_cast<std::streamsize>(data.size() * sizeof(float)));
+  out.close();
+  if (!out || std::rename(temporary.c_str(), path.c_str()) != 0) {
+    std::remove(temporary.c_str());
+    throw Error("cannot write the map " + path +
+                ": check free space and permission; an earlier file was left as it was");
+  }
+}
 
 void write_keyframe_pcd(const std::string& path, const KeyframeCloud& cloud) {
   std::vector<Record> records;

@@ -10,6 +10,7 @@
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/imu/initialisation.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
+#include "fdi_lio/mapping/adaptation.hpp"
 #include "fdi_lio/mapping/beam_calibration.hpp"
 #include "fdi_lio/mapping/localizability.hpp"
 #include "fdi_lio/mapping/map_drift.hpp"
@@ -154,6 +155,7 @@ class Estimator::Implementation {
   VoxelMap texture_map_;
   MapDrift drift_;
   BeamCalibration beams_;
+  AdaptedSettings adapted_;
   int scan_count_ = 0;
   std::optional<imu::NavState> resumed_;
   imu::NavState before_;  ///< estimate of the scan before
@@ -174,9 +176,9 @@ std::vector<Eigen::Vector3d> Estimator::Implementation::to_body(const std::vecto
 MatchInput Estimator::Implementation::match_input(const FeatureSet& features) const {
   MatchInput input;
   const std::size_t limit = static_cast<std::size_t>(config_.mapping.max_planes_matched);
-  input.planes = thin_out(downsample(to_body(features.planes), config_.mapping.feature_voxel_m), limit);
+  input.planes = thin_out(downsample(to_body(features.planes), adapted_.feature_voxel_m), limit);
   if (config_.mapping.use_edges) {
-    input.edges = downsample(to_body(features.edges), 0.5 * config_.mapping.feature_voxel_m);
+    input.edges = downsample(to_body(features.edges), 0.5 * adapted_.feature_voxel_m);
   }
   if (config_.mapping.use_intensity) {
     input.textures = to_body(features.intensity_edges);
@@ -298,10 +300,10 @@ Eigen::Vector3d Estimator::Implementation::search_start_motion(const MatchInput&
 LidarInformation Estimator::Implementation::optimise(const MatchInput& input, EstimateResult* result) {
   const bool is_start =
       scan_count_ <= kStartScans && smoother_.newest().imu_status != imu::ImuStatus::kInitialised;
-  const int iterations = is_start ? kStartIterations : config_.mapping.base_iterations;
+  const int iterations = is_start ? kStartIterations : adapted_.iterations;
   MatchSettings settings;
-  settings.plane_weight = config_.mapping.plane_weight;
-  settings.edge_weight = config_.mapping.edge_weight;
+  settings.plane_weight = adapted_.plane_weight;
+  settings.edge_weight = adapted_.edge_weight;
   settings.intensity_weight = config_.mapping.intensity_weight;
   LidarInformation information;
   Eigen::Vector3d shift = is_start ? search_start_motion(input) : Eigen::Vector3d::Zero();
@@ -481,19 +483,20 @@ bool Estimator::Implementation::decide_keyframe() {
   const double rotation = so3::log(Eigen::Matrix3d(T_keyframe_now.rotation())).norm();
   const double motion =
       T_keyframe_now.translation().norm() + config_.mapping.keyframe_rotation_weight_m_per_rad * rotation;
-  if (scan_count_ > 0 && motion <= config_.mapping.keyframe_distance_m) return false;
+  if (scan_count_ > 0 && motion <= adapted_.keyframe_distance_m) return false;
   T_odom_keyframe_ = T;
   return true;
 }
 
 std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& measured,
-                                                             const degeneracy::Degeneracy& /*degeneracy*/,
+                                                             const degeneracy::Degeneracy& degeneracy,
                                                              const std::optional<imu::Preintegration>& imu) {
   if (!smoother_.empty() && measured.stamp <= smoother_.newest().stamp) {
     reporter_->report(Severity::kWarning, "scan_order",
                       "a scan whose stamp does not follow the one before was dropped");
     return std::nullopt;
   }
+  adapted_ = adapt(config_.adaptation, config_.mapping, degeneracy);
   EstimateResult result;
   FeatureSet features = measured;
   double radius_m = 0.0;
@@ -530,7 +533,7 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
   const Matrix15d covariance = smoother_.covariance();
   result.map_covariance = covariance.topLeftCorner<6, 6>();
   if (scan_count_ > 0) drift_.advance(before_, result.state, result.map_covariance, radius_m);
-  result.covariance = result.map_covariance + drift_.covariance();
+  result.covariance = adapted_.noise_scale * (result.map_covariance + drift_.covariance());
   result.velocity_covariance = covariance.block<3, 3>(6, 6);
   result.status.stamp = features.stamp;
   if (!result.is_healthy) {

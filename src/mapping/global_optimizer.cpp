@@ -9,6 +9,7 @@
 #include "fdi_lio/mapping/loop_detector.hpp"
 #include "fdi_lio/mapping/loop_verifier.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -28,23 +29,14 @@ constexpr double kConfirmationPathM = 60.0;
 /// Way before the later keyframe whose scans are registered together with it.
 constexpr double kSourceLengthM = 5.0;
 constexpr std::size_t kSourceKeyframes = 4;
+/// How far off a session may be that was placed in another.
+constexpr double kSessionSigmaM = 5.0;
+constexpr double kSessionSigmaRad = 10.0 * kDegree;
+/// The search for its loops is that of an odometry that is off by so much.
+constexpr double kSessionDriftM = 1.0;
 /// The descriptor's place may be so far from the keyframe's.
 constexpr double kDescriptorSigmaM = 3.0;
 constexpr double kDescriptorSigmaRad = 4.0 * kDegree;
-
-/// [dtheta, dt] from `a` to `b`, in the tangent of RelativePose.
-Vector6d difference(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
-  Vector6d delta;
-  delta << so3::log(Eigen::Matrix3d(a.linear().transpose() * b.linear())), b.translation() - a.translation();
-  return delta;
-}
-
-Matrix6d isotropic(double sigma_rad, double sigma_m) {
-  Matrix6d covariance = Matrix6d::Zero();
-  covariance.diagonal().head<3>().setConstant(sigma_rad * sigma_rad);
-  covariance.diagonal().tail<3>().setConstant(sigma_m * sigma_m);
-  return covariance;
-}
 
 PoseGraphSettings graph_settings() {
   PoseGraphSettings settings;
@@ -136,6 +128,10 @@ RelativePose GlobalOptimizer::Implementation::odometry_step(const Keyframe& keyf
   edge.from = frames_.size() - 1;
   edge.to = frames_.size();
   edge.T_from_to = T_odom_before.inverse() * keyframe.T_odom_imu;
+  if (keyframe.begins_session) {
+    edge.information = isotropic(kSessionSigmaRad, kSessionSigmaM).inverse();
+    return edge;
+  }
   const double way_m = std::max(step_m, 0.1);
   Matrix6d covariance = isotropic(config_.odometry_sigma_rotation_deg * kDegree * std::sqrt(way_m),
                                   config_.odometry_sigma_translation * std::sqrt(way_m));
@@ -148,22 +144,28 @@ RelativePose GlobalOptimizer::Implementation::odometry_step(const Keyframe& keyf
 }
 
 void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
+  const PlaceDescriptor place = describe_place(keyframe.cloud.surface, levelled(keyframe.T_odom_imu.linear()),
+                                               config_.descriptor_range_m);
+  // First what a full disk may stop: then nothing has changed, and what came before can still be saved.
+  store_.add(std::move(keyframe.cloud));
   if (frames_.empty()) {
     graph_.add_node(keyframe.T_odom_imu);
     poses_.push_back(keyframe.T_odom_imu);
     frames_.push_back({keyframe.stamp, keyframe.T_odom_imu, 0.0});
   } else {
-    const double step_m = (frames_.back().T_odom_imu.inverse() * keyframe.T_odom_imu).translation().norm();
+    double step_m = (frames_.back().T_odom_imu.inverse() * keyframe.T_odom_imu).translation().norm();
+    if (keyframe.begins_session) {
+      // All keyframes of before are old enough for loops.
+      step_m = config_.min_path_m;
+      loop_at_m_ = frames_.back().path_m + step_m - kSessionDriftM / config_.drift_share;
+    }
     const RelativePose edge = odometry_step(keyframe, step_m);
     poses_.push_back(poses_.back() * edge.T_from_to);
     graph_.add_node(poses_.back());
     graph_.add_odometry(edge);
     frames_.push_back({keyframe.stamp, keyframe.T_odom_imu, frames_.back().path_m + step_m});
   }
-  detector_.add(describe_place(keyframe.cloud.surface, levelled(keyframe.T_odom_imu.linear()),
-                               config_.descriptor_range_m),
-                frames_.back().path_m);
-  store_.add(std::move(keyframe.cloud));
+  detector_.add(place, frames_.back().path_m);
   if (config_.enabled && frames_.back().path_m - searched_at_m_ >= config_.spacing_m) search();
   use_fixes();
 }
@@ -262,12 +264,8 @@ LoopCandidate GlobalOptimizer::Implementation::examine(const LoopProposal& propo
     start.sigma_translation_m = kBaseSigmaM + drift_m();
     start.sigma_rotation_rad = kBaseSigmaRad + drift_rad();
   } else {
-    // Same place, turned: level(from) <- level(to) is a rotation about the vertical.
-    const Eigen::Matrix3d R_level_from = levelled(frames_[proposal.from].T_odom_imu.linear());
-    const Eigen::Matrix3d R_level_to = levelled(frames_[to].T_odom_imu.linear());
-    const Eigen::Matrix3d R_turn =
-        Eigen::AngleAxisd(proposal.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-    start.T_from_to.linear() = R_level_from.transpose() * R_turn * R_level_to;
+    start.T_from_to.linear() = rotation_between_places(frames_[proposal.from].T_odom_imu.linear(),
+                                                       proposal.yaw_rad, frames_[to].T_odom_imu.linear());
     start.sigma_translation_m = kDescriptorSigmaM;
     start.sigma_rotation_rad = kDescriptorSigmaRad;
   }
@@ -399,6 +397,11 @@ Eigen::Isometry3d GlobalOptimizer::T_map_imu(std::size_t keyframe) const {
 std::shared_ptr<const KeyframeCloud> GlobalOptimizer::cloud(std::size_t keyframe) const {
   return implementation_->store_.get(keyframe);
 }
+
+const PlaceDescriptor& GlobalOptimizer::place(std::size_t keyframe) const {
+  return implementation_->detector_.place(keyframe);
+}
+double GlobalOptimizer::descriptor_range_m() const { return implementation_->config_.descriptor_range_m; }
 
 GraphFile GlobalOptimizer::graph() const {
   return {implementation_->poses_, implementation_->graph_.odometry(), implementation_->graph_.loops()};

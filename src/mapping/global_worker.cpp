@@ -1,38 +1,45 @@
 #include "fdi_lio/mapping/global_worker.hpp"
 
 #include <exception>
+#include <memory>
 #include <utility>
 
 namespace fdi_lio::mapping {
 
-GlobalWorker::GlobalWorker(const Config& config)
-    : optimizer_(config, &reporter_), thread_([this] { run(); }) {}
-
-GlobalWorker::~GlobalWorker() {
-  {
+/// Does `action` in the thread, unless an earlier one failed: then the map stays as it is.
+void GlobalWorker::add_to_map(std::function<void()> action) {
+  thread_.push([this, action = std::move(action)] {
+    if (!error().empty()) return;
+    std::string problem;
+    try {
+      action();
+    } catch (const std::exception& error) {
+      problem = error.what();
+    }
+    const Eigen::Isometry3d T_map_odom = optimizer_.T_map_odom();
     const std::lock_guard<std::mutex> lock(mutex_);
-    is_abandoned_ = true;
-  }
-  changed_.notify_one();
-  if (thread_.joinable()) thread_.join();
+    T_map_odom_ = T_map_odom;
+    error_ = problem;
+  });
 }
 
 void GlobalWorker::add(Keyframe keyframe) {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    waiting_.push_back(std::move(keyframe));
-  }
-  changed_.notify_one();
+  // A std::function has to be copyable, a keyframe should not be copied.
+  const auto shared = std::make_shared<Keyframe>(std::move(keyframe));
+  add_to_map([this, shared] { optimizer_.add(std::move(*shared)); });
+}
+
+void GlobalWorker::add_fix(const GnssFix& fix) {
+  add_to_map([this, fix] { optimizer_.add_fix(fix); });
+}
+
+std::future<void> GlobalWorker::run(std::function<void(const GlobalOptimizer&)> job) {
+  return thread_.push([this, job = std::move(job)] { job(optimizer_); });
 }
 
 Eigen::Isometry3d GlobalWorker::T_map_odom() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   return T_map_odom_;
-}
-
-std::size_t GlobalWorker::backlog() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  return waiting_.size();
 }
 
 std::string GlobalWorker::error() const {
@@ -41,37 +48,9 @@ std::string GlobalWorker::error() const {
 }
 
 const GlobalOptimizer& GlobalWorker::finish() {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    is_finishing_ = true;
-  }
-  changed_.notify_one();
-  if (thread_.joinable()) thread_.join();
+  thread_.finish();
   optimizer_.finish();
   return optimizer_;
-}
-
-void GlobalWorker::run() {
-  std::unique_lock<std::mutex> lock(mutex_);
-  for (;;) {
-    changed_.wait(lock, [this] { return !waiting_.empty() || is_finishing_ || is_abandoned_; });
-    if (is_abandoned_ || waiting_.empty()) return;
-    Keyframe keyframe = std::move(waiting_.front());
-    waiting_.pop_front();
-    lock.unlock();
-    std::string error;
-    try {
-      optimizer_.add(std::move(keyframe));
-    } catch (const std::exception& problem) {
-      error = problem.what();
-    }
-    const Eigen::Isometry3d T_map_odom = optimizer_.T_map_odom();
-    lock.lock();
-    T_map_odom_ = T_map_odom;
-    if (error.empty()) continue;
-    error_ = error;
-    return;
-  }
 }
 
 }  // namespace fdi_lio::mapping

@@ -43,35 +43,19 @@ std::vector<LoopProposal> LoopDetector::propose(const std::vector<Eigen::Isometr
 
 std::vector<LoopProposal> LoopDetector::by_descriptor(const std::vector<Eigen::Isometry3d>& poses,
                                                       double radius_m, std::size_t old_enough) const {
-  struct Scored {
-    double distance;
-    LoopProposal proposal;
+  std::vector<std::size_t> near;
+  for (std::size_t k = 0; k < old_enough; ++k)
+    if ((poses[k].translation() - poses.back().translation()).norm() <= radius_m) near.push_back(k);
+  AlikeSearch search;
+  search.max_distance = config_.descriptor_max_distance;
+  search.limit = static_cast<std::size_t>(config_.descriptor_candidates);
+  search.key_candidates = kKeyCandidates;
+  search.is_same = [this](std::size_t a, std::size_t b) {
+    return std::abs(paths_m_[a] - paths_m_[b]) < kSameRevisitM;
   };
-  std::vector<Scored> scored;
-  for (std::size_t k = 0; k < old_enough; ++k) {
-    if ((poses[k].translation() - poses.back().translation()).norm() > radius_m) continue;
-    scored.push_back({ring_key_distance(places_[k], places_.back()), {k, LoopSource::kDescriptor, 0.0}});
-  }
-  const auto nearer = [](const Scored& a, const Scored& b) {
-    return a.distance < b.distance || (a.distance == b.distance && a.proposal.from < b.proposal.from);
-  };
-  std::sort(scored.begin(), scored.end(), nearer);
-  if (scored.size() > kKeyCandidates) scored.resize(kKeyCandidates);
-  for (Scored& each : scored) {
-    const PlaceMatch match = compare_places(places_[each.proposal.from], places_.back());
-    each.distance = match.distance;
-    each.proposal.yaw_rad = match.yaw_rad;
-  }
-  std::sort(scored.begin(), scored.end(), nearer);
   std::vector<LoopProposal> proposals;
-  for (const Scored& each : scored) {
-    if (each.distance > config_.descriptor_max_distance) break;
-    if (static_cast<int>(proposals.size()) >= config_.descriptor_candidates) break;
-    const bool is_known = std::any_of(proposals.begin(), proposals.end(), [&](const LoopProposal& other) {
-      return std::abs(paths_m_[other.from] - paths_m_[each.proposal.from]) < kSameRevisitM;
-    });
-    if (!is_known) proposals.push_back(each.proposal);
-  }
+  for (const AlikePlace& place : most_alike(places_, near, places_.back(), search))
+    proposals.push_back({place.index, LoopSource::kDescriptor, place.match.yaw_rad});
   return proposals;
 }
 

@@ -6,8 +6,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
-#include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -43,20 +43,6 @@ constexpr double kCharacteristicLengthM = 10.0;
 constexpr double kUnknownSigmaM = 100.0;
 /// Deviation towards a result that is about as good, in distances to it.
 constexpr double kAmbiguousSigmas = 5.0;
-
-Eigen::Isometry3d moved(const Eigen::Isometry3d& T, const Vector6d& delta) {
-  Eigen::Isometry3d result = T;
-  result.linear() = T.linear() * so3::exp(delta.head<3>());
-  result.translation() += delta.tail<3>();
-  return result;
-}
-
-Vector6d difference(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to) {
-  Vector6d delta;
-  delta << so3::log(Eigen::Matrix3d(from.linear().transpose() * to.linear())),
-      to.translation() - from.translation();
-  return delta;
-}
 
 }  // namespace
 
@@ -147,6 +133,7 @@ LoopCandidate LoopVerifier::verify(const std::vector<PlacedCloud>& target,
   candidate.wall_share = best->score;
   measure(scene, best->T, &candidate);
   set_information(*best, alternatives, &candidate);
+  candidate.alternatives = alternatives;
   candidate.verdict = judge(candidate);
   return candidate;
 }

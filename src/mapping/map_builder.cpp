@@ -1,10 +1,5 @@
 #include "fdi_lio/mapping/map_builder.hpp"
 
-#include <cstdio>
-#include <fstream>
-
-#include "fdi_lio/common/error.hpp"
-
 namespace fdi_lio::mapping {
 
 MapBuilder::MapBuilder(double voxel_m) : voxel_m_(voxel_m) {}
@@ -43,28 +38,6 @@ std::vector<Point> MapBuilder::points() const {
     points.push_back(point);
   }
   return points;
-}
-
-void MapBuilder::write_pcd(const std::string& path) const {
-  std::vector<float> data;
-  data.reserve(4 * voxels_.size());
-  for (const Point& point : points()) {
-    data.insert(data.end(), {point.position.x(), point.position.y(), point.position.z(), point.intensity});
-  }
-  const std::string temporary = path + ".part";
-  std::ofstream out(temporary, std::ios::binary);
-  out << "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 "
-         "4\nTYPE F F F F\n"
-      << "COUNT 1 1 1 1\nWIDTH " << voxels_.size() << "\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS "
-      << voxels_.size() << "\nDATA binary\n";
-  out.write(reinterpret_cast<const char*>(data.data()),
-            static_cast<std::streamsize>(data.size() * sizeof(float)));
-  out.close();
-  if (!out || std::rename(temporary.c_str(), path.c_str()) != 0) {
-    std::remove(temporary.c_str());
-    throw Error("cannot write the map " + path +
-                ": check free space and permission; an earlier file was left as it was");
-  }
 }
 
 }  // namespace fdi_lio::mapping

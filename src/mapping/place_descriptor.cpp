@@ -88,6 +88,12 @@ Eigen::Matrix3d levelled(const Eigen::Matrix3d& R_odom_imu) {
   return Eigen::AngleAxisd(-yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix() * R_odom_imu;
 }
 
+Eigen::Matrix3d rotation_between_places(const Eigen::Matrix3d& R_odom_imu_a, double yaw_rad,
+                                        const Eigen::Matrix3d& R_odom_imu_b) {
+  const Eigen::Matrix3d R_turn = Eigen::AngleAxisd(yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  return levelled(R_odom_imu_a).transpose() * R_turn * levelled(R_odom_imu_b);
+}
+
 PlaceDescriptor describe_place(const std::vector<Point>& points, const Eigen::Matrix3d& R_level_imu,
                                double range_m) {
   PlaceDescriptor place;
@@ -134,6 +140,30 @@ PlaceMatch compare_places(const PlaceDescriptor& a, const PlaceDescriptor& b) {
 
 double ring_key_distance(const PlaceDescriptor& a, const PlaceDescriptor& b) {
   return (a.ring_key - b.ring_key).matrix().norm();
+}
+
+std::vector<AlikePlace> most_alike(const std::vector<PlaceDescriptor>& places,
+                                   const std::vector<std::size_t>& candidates, const PlaceDescriptor& query,
+                                   const AlikeSearch& search) {
+  std::vector<AlikePlace> scored;
+  for (const std::size_t index : candidates)
+    scored.push_back({index, {ring_key_distance(places[index], query), 0.0}});
+  const auto nearer = [](const AlikePlace& a, const AlikePlace& b) {
+    return a.match.distance < b.match.distance || (a.match.distance == b.match.distance && a.index < b.index);
+  };
+  std::sort(scored.begin(), scored.end(), nearer);
+  if (scored.size() > search.key_candidates) scored.resize(search.key_candidates);
+  for (AlikePlace& each : scored) each.match = compare_places(places[each.index], query);
+  std::sort(scored.begin(), scored.end(), nearer);
+  std::vector<AlikePlace> alike;
+  for (const AlikePlace& each : scored) {
+    if (each.match.distance > search.max_distance || alike.size() >= search.limit) break;
+    const bool is_known = std::any_of(alike.begin(), alike.end(), [&](const AlikePlace& other) {
+      return search.is_same(other.index, each.index);
+    });
+    if (!is_known) alike.push_back(each);
+  }
+  return alike;
 }
 
 }  // namespace fdi_lio::mapping

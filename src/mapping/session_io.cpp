@@ -7,11 +7,10 @@
 #include <sstream>
 #include <vector>
 
-#include <fcntl.h>
-#include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
 #include "fdi_lio/common/error.hpp"
+#include "fdi_lio/common/new_file.hpp"
 #include "fdi_lio/evaluation/trajectory_writer.hpp"
 #include "fdi_lio/mapping/cloud_file.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
@@ -25,7 +24,7 @@ namespace fs = std::filesystem;
 
 const char* const kIndex = "session.yaml";
 const char* const kFormat = "fdi_lio session";
-constexpr int kFormatVersion = 1;
+constexpr int kFormatVersion = 2;
 
 std::string cloud_name(std::size_t keyframe) {
   char name[64];
@@ -50,41 +49,48 @@ std::string checksum(const fs::path& path) {
   return text;
 }
 
-/// Makes sure that what was written is on the disk, and not only on its way.
-void flush_to_disk(const fs::path& path) {
-  const int file = open(path.c_str(), O_RDONLY);
-  const bool is_done = file >= 0 && fsync(file) == 0;
-  if (file >= 0) close(file);
-  if (!is_done) throw Error("cannot write " + path.string() + " to the disk: check free space");
-}
-
-std::vector<std::string> session_files(std::size_t keyframes) {
-  std::vector<std::string> names = {"graph.g2o", "trajectory.tum", "odometry.tum", "trajectory_kitti.txt",
-                                    "map.pcd"};
+/// Without these a session is none.
+std::vector<std::string> needed_files(std::size_t keyframes) {
+  std::vector<std::string> names = {"graph.g2o", "odometry.tum", "places.bin"};
   for (std::size_t k = 0; k < keyframes; ++k) names.push_back(cloud_name(k));
   return names;
 }
 
-void write_kitti(const GlobalOptimizer& global, const fs::path& path) {
-  std::ofstream out(path);
-  out.precision(12);
+/// Heights and intensities of the descriptors, one after the other; the ring keys follow from them.
+void write_places(const GlobalOptimizer& global, const fs::path& path) {
+  std::ofstream out(path, std::ios::binary);
   for (std::size_t k = 0; k < global.size(); ++k) {
-    const Eigen::Matrix4d T = global.T_map_imu(k).matrix();
-    for (int cell = 0; cell < 12; ++cell) out << (cell == 0 ? "" : " ") << T(cell / 4, cell % 4);
-    out << '\n';
+    const PlaceDescriptor& place = global.place(k);
+    for (const PlaceDescriptor::Grid* grid : {&place.height, &place.intensity})
+      out.write(reinterpret_cast<const char*>(grid->data()), sizeof(PlaceDescriptor::Grid));
+    out.write(reinterpret_cast<const char*>(place.ring_key.data()), sizeof(place.ring_key));
   }
   out.close();
   if (!out) throw Error("cannot write " + path.string() + ": check free space and permission");
 }
 
-void write_index(std::size_t keyframes, const fs::path& folder) {
+std::vector<PlaceDescriptor> read_places(std::size_t count, const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::vector<PlaceDescriptor> places(count);
+  for (PlaceDescriptor& place : places) {
+    for (PlaceDescriptor::Grid* grid : {&place.height, &place.intensity})
+      in.read(reinterpret_cast<char*>(grid->data()), sizeof(PlaceDescriptor::Grid));
+    in.read(reinterpret_cast<char*>(place.ring_key.data()), sizeof(place.ring_key));
+  }
+  if (!in || in.peek() != std::ifstream::traits_type::eof())
+    throw Error(path.string() + " has not one descriptor for each keyframe");
+  return places;
+}
+
+void write_index(const GlobalOptimizer& global, std::vector<std::string> names, const fs::path& folder) {
+  for (std::size_t k = 0; k < global.size(); ++k) names.push_back(cloud_name(k));
   YAML::Emitter yaml;
   yaml << YAML::BeginMap << YAML::Key << "format" << YAML::Value << kFormat << YAML::Key << "format_version"
        << YAML::Value << kFormatVersion << YAML::Key << "program_version" << YAML::Value << kVersion
-       << YAML::Key << "keyframes" << YAML::Value << keyframes << YAML::Key << "files" << YAML::Value
-       << YAML::BeginMap;
-  for (const std::string& name : session_files(keyframes)) {
-    flush_to_disk(folder / name);
+       << YAML::Key << "keyframes" << YAML::Value << global.size() << YAML::Key << "descriptor_range"
+       << YAML::Value << global.descriptor_range_m() << YAML::Key << "files" << YAML::Value << YAML::BeginMap;
+  for (const std::string& name : names) {
+    flush_to_disk((folder / name).string());
     yaml << YAML::Key << name << YAML::Value << YAML::Flow << YAML::BeginSeq << fs::file_size(folder / name)
          << checksum(folder / name) << YAML::EndSeq;
   }
@@ -93,36 +99,58 @@ void write_index(std::size_t keyframes, const fs::path& folder) {
   out << yaml.c_str() << '\n';
   out.close();
   if (!out) throw Error("cannot write " + (folder / kIndex).string() + ": check free space and permission");
-  flush_to_disk(folder / kIndex);
+  flush_to_disk((folder / kIndex).string());
 }
 
-void write_files(const GlobalOptimizer& global, double map_voxel_m, const fs::path& folder) {
-  write_g2o((folder / "graph.g2o").string(), global.graph());
-  evaluation::TrajectoryWriter corrected((folder / "trajectory.tum").string());
-  evaluation::TrajectoryWriter odometry((folder / "odometry.tum").string());
-  MapBuilder map(map_voxel_m);
+/// The keyframes' clouds, and the maps made of them; returns the names of the maps.
+std::vector<std::string> write_clouds(const GlobalOptimizer& global, const SessionOptions& options,
+                                      const fs::path& folder) {
+  struct Layer {
+    std::string name;
+    std::vector<Point> KeyframeCloud::*points;
+    MapBuilder map;
+  };
+  std::vector<Layer> layers = {{"map", &KeyframeCloud::surface, MapBuilder(options.map_voxel_m)}};
+  if (options.layers) {
+    layers.push_back({"map_planes", &KeyframeCloud::planes, MapBuilder(options.map_voxel_m)});
+    layers.push_back({"map_edges", &KeyframeCloud::edges, MapBuilder(options.map_voxel_m)});
+  }
   for (std::size_t k = 0; k < global.size(); ++k) {
-    const Eigen::Isometry3d T_map_imu = global.T_map_imu(k);
-    const Eigen::Isometry3d& T_odom_imu = global.T_odom_imu(k);
-    corrected.add(global.stamp(k), Eigen::Quaterniond(T_map_imu.linear()), T_map_imu.translation());
-    odometry.add(global.stamp(k), Eigen::Quaterniond(T_odom_imu.linear()), T_odom_imu.translation());
     const auto cloud = global.cloud(k);
-    map.add(cloud->surface, T_map_imu);
+    for (Layer& layer : layers) layer.map.add((*cloud).*(layer.points), global.T_map_imu(k));
     write_keyframe_pcd((folder / cloud_name(k)).string(), *cloud);
   }
-  write_kitti(global, folder / "trajectory_kitti.txt");
-  map.write_pcd((folder / "map.pcd").string());
-  write_index(global.size(), folder);
+  std::vector<std::string> names;
+  for (const Layer& layer : layers) {
+    names.push_back(layer.name + "." + to_text(options.map_format));
+    write_cloud((folder / names.back()).string(), layer.map.points(), options.map_format);
+  }
+  return names;
 }
 
-struct StampedPose {
-  Stamp stamp;
-  Eigen::Isometry3d T;
-};
+void write_files(const GlobalOptimizer& global, const SessionOptions& options, const fs::path& folder) {
+  std::vector<std::string> names = write_clouds(global, options, folder);
+  write_g2o((folder / "graph.g2o").string(), global.graph());
+  std::vector<evaluation::StampedPose> corrected;
+  std::vector<evaluation::StampedPose> odometry;
+  for (std::size_t k = 0; k < global.size(); ++k) {
+    corrected.push_back({global.stamp(k), global.T_map_imu(k)});
+    odometry.push_back({global.stamp(k), global.T_odom_imu(k)});
+  }
+  using evaluation::TrajectoryFormat;
+  evaluation::write_trajectory((folder / "trajectory.tum").string(), corrected, TrajectoryFormat::kTum);
+  evaluation::write_trajectory((folder / "odometry.tum").string(), odometry, TrajectoryFormat::kTum);
+  evaluation::write_trajectory((folder / "trajectory_kitti.txt").string(), corrected,
+                               TrajectoryFormat::kKitti);
+  write_places(global, folder / "places.bin");
+  names.insert(names.end(),
+               {"graph.g2o", "trajectory.tum", "odometry.tum", "trajectory_kitti.txt", "places.bin"});
+  write_index(global, names, folder);
+}
 
-std::vector<StampedPose> read_tum(const fs::path& path) {
+std::vector<evaluation::StampedPose> read_tum(const fs::path& path) {
   std::ifstream in(path);
-  std::vector<StampedPose> poses;
+  std::vector<evaluation::StampedPose> poses;
   for (std::string line; std::getline(in, line);) {
     if (line.empty() || line[0] == '#') continue;
     std::istringstream fields(line);
@@ -158,32 +186,37 @@ YAML::Node read_index(const fs::path& folder) {
   return index;
 }
 
-}  // namespace
-
-std::string free_session_path(const std::string& path) {
-  std::string free = path;
-  for (int number = 2; fs::exists(free); ++number) free = path + "_" + std::to_string(number);
-  return free;
+/// Compares the files that the index lists with it.
+void check_files(const YAML::Node& index, std::size_t keyframes, const fs::path& folder) {
+  for (const std::string& name : needed_files(keyframes))
+    if (!index["files"][name]) throw Error((folder / kIndex).string() + " does not list " + name);
+  for (const auto& entry : index["files"]) {
+    const std::string name = entry.first.as<std::string>();
+    if (!fs::exists(folder / name)) throw Error("the session " + folder.string() + " lacks " + name);
+    if (fs::file_size(folder / name) != entry.second[0].as<std::uintmax_t>() ||
+        checksum(folder / name) != entry.second[1].as<std::string>())
+      throw Error("the session " + folder.string() + " is damaged: " + name + " is not what was saved");
+  }
 }
 
-void save_session(const GlobalOptimizer& global, double map_voxel_m, const std::string& path) {
+}  // namespace
+
+void save_session(const GlobalOptimizer& global, const SessionOptions& options, const std::string& path) {
   if (fs::exists(path)) throw Error(path + " exists already: nothing was saved; choose another name");
   // What a save that was cut short left stays, for it may be somebody else's.
-  const fs::path part = free_session_path(path + ".part");
+  const fs::path part = free_path(path + ".part");
   std::error_code error;
   fs::create_directories(part / "keyframes", error);
   if (error) throw Error("cannot make the folder " + part.string() + ": " + error.message());
   try {
-    write_files(global, map_voxel_m, part);
-    flush_to_disk(part);
+    write_files(global, options, part);
+    flush_to_disk((part / "keyframes").string());
+    flush_to_disk(part.string());
   } catch (const Error&) {
     fs::remove_all(part, error);
     throw;
   }
-  // Unlike std::filesystem::rename this fails also on an empty folder that was made meanwhile.
-  if (renameat2(AT_FDCWD, part.c_str(), AT_FDCWD, path.c_str(), RENAME_NOREPLACE) != 0)
-    throw Error("cannot rename " + part.string() + " to " + path +
-                ": the session stays under the first name");
+  rename_to_new(part.string(), path);
 }
 
 Session load_session(const std::string& path) {
@@ -194,19 +227,15 @@ Session load_session(const std::string& path) {
   std::size_t keyframes = 0;
   try {
     keyframes = index["keyframes"].as<std::size_t>();
-    for (const std::string& name : session_files(keyframes)) {
-      const YAML::Node entry = index["files"][name];
-      if (!entry) throw Error((folder / kIndex).string() + " does not list " + name);
-      if (!fs::exists(folder / name)) throw Error("the session " + path + " lacks " + name);
-      if (fs::file_size(folder / name) != entry[0].as<std::uintmax_t>() ||
-          checksum(folder / name) != entry[1].as<std::string>())
-        throw Error("the session " + path + " is damaged: " + name + " is not what was saved");
-    }
+    session.descriptor_range_m = index["descriptor_range"].as<double>();
+    if (keyframes == 0) throw Error("the session " + path + " has no keyframes");
+    check_files(index, keyframes, folder);
   } catch (const YAML::Exception& error) {
     throw Error((folder / kIndex).string() + " cannot be read (" + error.what() + ")");
   }
+  session.places = read_places(keyframes, folder / "places.bin");
   session.graph = read_g2o((folder / "graph.g2o").string());
-  const std::vector<StampedPose> odometry = read_tum(folder / "odometry.tum");
+  const std::vector<evaluation::StampedPose> odometry = read_tum(folder / "odometry.tum");
   if (odometry.size() != keyframes || session.graph.poses.size() != keyframes)
     throw Error("the session " + path + " has not the same number of keyframes in all files");
   for (std::size_t k = 0; k < keyframes; ++k)

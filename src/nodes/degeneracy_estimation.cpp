@@ -36,7 +36,9 @@ void DegeneracyEstimation::on_scan(const DeskewedCloudConstPtr& message) {
 
 void DegeneracyEstimation::on_features(const FeaturesConstPtr& message) {
   const Stamp stamp = ros_bridge::to_stamp(message->header.stamp);
-  if (previous_scan_ && (stamp < *previous_scan_ || is_jump(*previous_scan_, stamp))) {
+  const bool is_jumping = previous_scan_ && (stamp < *previous_scan_ || is_jump(*previous_scan_, stamp));
+  if (is_jumping || message->begins_anew) {
+    anew_from_ = stamp;
     features_.clear();
     previous_scan_.reset();
     status_.reset();
@@ -51,6 +53,7 @@ void DegeneracyEstimation::on_features(const FeaturesConstPtr& message) {
 }
 
 void DegeneracyEstimation::on_status(const OptimisationStatusConstPtr& message) {
+  if (ros_bridge::to_stamp(message->header.stamp) < anew_from_) return;
   const degeneracy::OptimisationStatus status = ros_bridge::to_status(*message);
   status_.add(status);
   status_gate_->answered(status.stamp);

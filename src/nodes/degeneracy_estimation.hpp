@@ -35,6 +35,7 @@ class DegeneracyEstimation : public NodeBase {
   std::optional<AnswerGate> status_gate_;
   Feedback<degeneracy::OptimisationStatus> status_{kOldestStatusS};
   std::optional<Stamp> previous_scan_;
+  Stamp anew_from_ = 0;  ///< what is said of earlier scans comes too late
   std::deque<DeskewedCloudConstPtr> scans_;
   std::deque<FeaturesConstPtr> features_;
   SteadyClock::time_point front_since_;

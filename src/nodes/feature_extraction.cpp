@@ -29,7 +29,9 @@ void FeatureExtraction::start() {
 
 void FeatureExtraction::on_scan(const DeskewedCloudConstPtr& message) {
   const Stamp stamp = ros_bridge::to_stamp(message->header.stamp);
-  if (previous_scan_ && (stamp < *previous_scan_ || is_jump(*previous_scan_, stamp))) {
+  const bool is_jumping = previous_scan_ && (stamp < *previous_scan_ || is_jump(*previous_scan_, stamp));
+  if (is_jumping || message->begins_anew) {
+    anew_from_ = stamp;
     scans_.clear();
     previous_scan_.reset();
     degeneracy_.reset();
@@ -46,6 +48,7 @@ void FeatureExtraction::on_scan(const DeskewedCloudConstPtr& message) {
 }
 
 void FeatureExtraction::on_degeneracy(const DegeneracyConstPtr& message) {
+  if (ros_bridge::to_stamp(message->header.stamp) < anew_from_) return;
   const degeneracy::Degeneracy degeneracy = ros_bridge::to_degeneracy(*message);
   degeneracy_.add(degeneracy);
   degeneracy_gate_->answered(degeneracy.stamp);
@@ -66,6 +69,7 @@ bool FeatureExtraction::process_front() {
   try {
     const FeaturesPtr features = ros_bridge::to_message(
         extractor_->extract(ros_bridge::to_scan(*message), feedback), message->header.frame_id);
+    features->begins_anew = message->begins_anew;
     features_publisher_.publish(features);
     if (planes_publisher_.getNumSubscribers() > 0) planes_publisher_.publish(features->planes);
     if (edges_publisher_.getNumSubscribers() > 0) edges_publisher_.publish(features->edges);

@@ -33,6 +33,7 @@ class FeatureExtraction : public NodeBase {
   std::optional<AnswerGate> degeneracy_gate_;
   Feedback<degeneracy::Degeneracy> degeneracy_{kOldestFeedbackS};
   std::optional<Stamp> previous_scan_;
+  Stamp anew_from_ = 0;  ///< what is said of earlier scans comes too late
   std::deque<DeskewedCloudConstPtr> scans_;
   SteadyClock::time_point front_since_;
   ros::Subscriber scan_subscriber_, degeneracy_subscriber_;

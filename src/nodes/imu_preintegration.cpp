@@ -43,7 +43,8 @@ void ImuPreintegration::on_imu(const sensor_msgs::ImuConstPtr& message) {
 }
 
 void ImuPreintegration::on_state(const EstimatorStateConstPtr& message) {
-  // A late answer about what was before a jump.
+  // A late answer about what was before a jump or a reset.
+  if (ros_bridge::to_stamp(message->answers) < anew_from_) return;
   if (!scans_.empty() &&
       is_jump(ros_bridge::to_stamp(scans_.back()->header.stamp), ros_bridge::to_stamp(message->answers)))
     return;
@@ -58,8 +59,10 @@ void ImuPreintegration::on_state(const EstimatorStateConstPtr& message) {
 
 void ImuPreintegration::on_scan(const ScanInfoConstPtr& message) {
   const Stamp stamp = ros_bridge::to_stamp(message->header.stamp);
-  if (previous_scan_ && (stamp < *previous_scan_ || is_jump(*previous_scan_, stamp))) {
-    // The recording was started again, or a clock was set: nothing of before belongs to it.
+  const bool is_jumping = previous_scan_ && (stamp < *previous_scan_ || is_jump(*previous_scan_, stamp));
+  if (is_jumping || message->begins_anew) {
+    // The recording was started again, a clock was set, or a reset: nothing of before belongs to it.
+    anew_from_ = stamp;
     scans_.clear();
     previous_scan_.reset();
     state_.reset();

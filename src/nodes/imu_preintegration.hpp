@@ -37,6 +37,7 @@ class ImuPreintegration : public NodeBase {
   std::optional<imu::NavState> state_;
   EstimatorStateConstPtr state_message_;
   std::optional<Stamp> previous_scan_;
+  Stamp anew_from_ = 0;  ///< what is said of earlier scans comes too late
   std::deque<ScanInfoConstPtr> scans_;
   SteadyClock::time_point front_since_;
   std::optional<SensorFrames> frames_;

@@ -5,12 +5,14 @@
 #include <iostream>
 #include <utility>
 
+#include "message_queue.hpp"
 #include <sensor_msgs/PointCloud2.h>
 
 #include "fdi_lio/common/error.hpp"
 #include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/imu/propagation.hpp"
+#include "fdi_lio/ros/conversions.hpp"
 #include "fdi_lio/ros/message_conversions.hpp"
 #include "fdi_lio/ros/odometry_message.hpp"
 
@@ -18,28 +20,8 @@ namespace fdi_lio::nodes {
 
 namespace {
 
-constexpr std::size_t kQueue = 50;
-/// map -> odom is stamped ahead, so that it can be combined with an odom -> base_link that is newer than the
-/// last scan.
-constexpr double kMapTransformAheadS = 0.5;
-
-/// The message of `queue` for `stamp`; drops what is older.
-template <typename Message>
-Message take(std::deque<Message>* queue, const ros::Time& stamp) {
-  while (!queue->empty() && queue->front()->header.stamp < stamp) queue->pop_front();
-  if (queue->empty() || queue->front()->header.stamp != stamp) return nullptr;
-  Message message = queue->front();
-  queue->pop_front();
-  return message;
-}
-
-template <typename Message>
-void keep(const Message& message, std::deque<Message>* queue) {
-  // Stamps that go back are those of a recording that was started again.
-  if (!queue->empty() && message->header.stamp < queue->back()->header.stamp) queue->clear();
-  queue->push_back(message);
-  if (queue->size() > kQueue) queue->pop_front();
-}
+/// How long `reset` waits for a scan to begin anew with.
+constexpr double kResetTimeoutS = 5.0;
 
 /// Says something that matters also at the end of the process, when the log is closed already.
 void tell(ros::console::levels::Level level, const std::string& text) {
@@ -50,19 +32,6 @@ void tell(ros::console::levels::Level level, const std::string& text) {
   }
 }
 
-geometry_msgs::Pose to_pose(const Eigen::Isometry3d& T) {
-  geometry_msgs::Pose pose;
-  const Eigen::Quaterniond q(T.rotation());
-  pose.position.x = T.translation().x();
-  pose.position.y = T.translation().y();
-  pose.position.z = T.translation().z();
-  pose.orientation.x = q.x();
-  pose.orientation.y = q.y();
-  pose.orientation.z = q.z();
-  pose.orientation.w = q.w();
-  return pose;
-}
-
 }  // namespace
 
 void MappingOptimization::start() {
@@ -70,14 +39,12 @@ void MappingOptimization::start() {
   degeneracy_gate_.emplace(config().nodes.answer_timeout_s);
   ros::NodeHandle& handle = getNodeHandle();
   frames_.emplace(config(), handle);
-  broadcaster_.emplace();
   status_publisher_ = handle.advertise<OptimisationStatus>("mapping/status", 50, true);
   state_publisher_ = handle.advertise<EstimatorState>("mapping/state", 50, true);
   odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("odometry/lidar", 50);
-  path_publisher_ = handle.advertise<nav_msgs::Path>("path", 1, true);
-  keyframes_publisher_ = handle.advertise<geometry_msgs::PoseArray>("keyframes", 1, true);
   local_map_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("map/local", 1, true);
-  global_map_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("map/global", 1, true);
+  reset_publisher_ = handle.advertise<std_msgs::Empty>("mapping/reset", 1);
+  map_ = std::make_unique<MapFrame>(handle, config(), &*frames_, !output_folder().empty());
   begin_recording();
   const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
   scan_subscriber_ = handle.subscribe("scan/deskewed", kQueue, &MappingOptimization::on_scan, this, hints);
@@ -87,9 +54,17 @@ void MappingOptimization::start() {
       handle.subscribe("degeneracy", kQueue, &MappingOptimization::on_degeneracy, this, hints);
   features_subscriber_ =
       handle.subscribe("features/all", kQueue, &MappingOptimization::on_features, this, hints);
+  if (config().gnss.enabled)
+    fix_subscriber_ =
+        handle.subscribe(config().sensor.gnss_topic, kQueue, &MappingOptimization::on_fix, this, hints);
+  services_ = std::make_unique<MapServices>(
+      handle, config(),
+      MapServices::Owner{[this] { return map_->snapshot(); }, [this] { request_reset(); },
+                         [this](mapping::Session session) { return map_->load(std::move(session)); }});
 }
 
 MappingOptimization::~MappingOptimization() {
+  is_ending_ = true;
   try {
     end_recording();
   } catch (const Error& error) {
@@ -97,14 +72,14 @@ MappingOptimization::~MappingOptimization() {
   }
 }
 
+std::string MappingOptimization::output_folder() {
+  return getPrivateNodeHandle().param("output", std::string());
+}
+
 void MappingOptimization::begin_recording() {
-  global_.reset();  // made when the extrinsics are known
-  display_ = std::make_unique<mapping::MapBuilder>(config().nodes.global_map_voxel_m);
-  path_ = nav_msgs::Path();
-  path_.header.frame_id = config().frames.map;
   times_ = evaluation::StageTimes();
   began_ = SteadyClock::now();
-  const std::string output = getPrivateNodeHandle().param("output", std::string());
+  const std::string output = output_folder();
   if (output.empty()) return;
   std::string path = output;
   // A node that was restarted must not write over what it left.
@@ -116,8 +91,7 @@ void MappingOptimization::begin_recording() {
 
 void MappingOptimization::end_recording() {
   if (!directory_) return;
-  take_keyframe_clouds();
-  if (global_) directory_->write_global(global_->finish(), config().mapping.output_map_voxel_m);
+  map_->write(directory_.get(), config().mapping.output_map_voxel_m);
   const double data_s = previous_scan_ ? seconds_between(first_scan_, *previous_scan_) : 0.0;
   directory_->write_timing(times_, seconds_since(began_), data_s);
   directory_->write_warnings(*reporter());
@@ -126,29 +100,71 @@ void MappingOptimization::end_recording() {
   directory_.reset();
 }
 
-void MappingOptimization::begin_anew(Stamp stamp) {
-  reporter()->report(Severity::kWarning, "restart",
-                     "the stamps of the scans jumped by " +
-                         std::to_string(seconds_between(*previous_scan_, stamp)) +
-                         " s: a new map is begun, what was recorded is saved");
-  end_recording();
-  begin_recording();
+void MappingOptimization::begin_anew(Stamp stamp, const std::string& reason) {
+  if (previous_scan_) {
+    reporter()->report(Severity::kWarning, "restart",
+                       reason + ": a new map is begun, what was recorded is saved");
+    end_recording();
+    begin_recording();
+  }
+  map_->begin_anew();
   features_.clear();
-  keyframes_.clear();
   previous_scan_.reset();
   imu_gate_->reset();
   degeneracy_gate_->reset();
-  estimator_->reset();
+  // What is said of the scan to begin with may have come before it.
+  const auto answer = [stamp](const auto& queue, AnswerGate* gate) {
+    for (const auto& message : queue) {
+      const Stamp answered = ros_bridge::to_stamp(message->header.stamp);
+      if (!is_jump(stamp, answered)) gate->answered(answered);
+    }
+  };
+  answer(preintegrated_, &*imu_gate_);
+  answer(degeneracies_, &*degeneracy_gate_);
+  if (estimator_) estimator_->reset();
+  ++beginnings_;
+}
+
+/// A service has loaded a session: from here on the map is that one.
+void MappingOptimization::begin_localising() {
+  end_recording();
+  begin_recording();
+  first_scan_ = previous_scan_.value_or(0);
+  map_->begin_anew();
+}
+
+void MappingOptimization::request_reset() {
+  if (reset_publisher_.getNumSubscribers() == 0)
+    throw Error("scan_deskew, which tells the others, does not run: nothing was reset");
+  const std::uint64_t before = beginnings_;
+  reset_publisher_.publish(std_msgs::Empty());
+  const auto asked = SteadyClock::now();
+  while (beginnings_ == before) {
+    if (is_ending_ || !ros::ok()) throw Error("the node is ending");
+    if (seconds_since(asked) > kResetTimeoutS)
+      throw Error("the nodes begin anew with the next scan, but none has come yet");
+    ros::WallDuration(0.01).sleep();
+  }
 }
 
 void MappingOptimization::on_features(const FeaturesConstPtr& message) {
   const Stamp stamp = ros_bridge::to_stamp(message->header.stamp);
-  if (previous_scan_ && is_jump(*previous_scan_, stamp)) begin_anew(stamp);
+  if (previous_scan_ && is_jump(*previous_scan_, stamp)) {
+    begin_anew(stamp, "the stamps of the scans jumped by " +
+                          std::to_string(seconds_between(*previous_scan_, stamp)) + " s");
+  } else if (message->begins_anew) {
+    begin_anew(stamp, "a reset was asked for");
+  }
   if (features_.empty()) front_since_ = SteadyClock::now();
   features_.push_back(message);
   if (features_.size() > kQueue) features_.pop_front();
   while (process_front()) {
   }
+}
+
+void MappingOptimization::on_fix(const sensor_msgs::NavSatFixConstPtr& message) {
+  const mapping::GnssFix fix = ros_bridge::to_gnss_fix(*message);
+  if (previous_scan_ && !is_jump(*previous_scan_, fix.stamp)) map_->add_fix(fix);
 }
 
 void MappingOptimization::on_degeneracy(const DegeneracyConstPtr& message) {
@@ -165,10 +181,7 @@ void MappingOptimization::on_preintegrated(const PreintegratedImuConstPtr& messa
   }
 }
 
-void MappingOptimization::on_scan(const DeskewedCloudConstPtr& message) {
-  keep(message, &scans_);
-  take_keyframe_clouds();
-}
+void MappingOptimization::on_scan(const DeskewedCloudConstPtr& message) { map_->add_cloud(message); }
 
 bool MappingOptimization::prepare() {
   if (estimator_) return true;
@@ -241,65 +254,8 @@ void MappingOptimization::publish(const pipeline::ScanOutput& output, const std:
   odometry_publisher_.publish(ros_bridge::to_odometry(estimate.state, *frames_->T_base_imu(),
                                                       state->covariance, state->velocity_covariance,
                                                       config().sensor, frames));
-  if (frames.publish_tf) {
-    geometry_msgs::TransformStamped T_map_odom;
-    T_map_odom.header.stamp = state->header.stamp + ros::Duration(kMapTransformAheadS);
-    T_map_odom.header.frame_id = frames.map;
-    T_map_odom.child_frame_id = frames.odom;
-    if (global_) {
-      const geometry_msgs::Pose correction = to_pose(global_->T_map_odom());
-      T_map_odom.transform.translation.x = correction.position.x;
-      T_map_odom.transform.translation.y = correction.position.y;
-      T_map_odom.transform.translation.z = correction.position.z;
-      T_map_odom.transform.rotation = correction.orientation;
-    } else {
-      T_map_odom.transform.rotation.w = 1.0;
-    }
-    broadcaster_->sendTransform(T_map_odom);
-  }
-  if (estimate.is_keyframe) add_keyframe(estimate, output.features);
+  map_->add(estimate, output.features, *known_);
   frames_->publish_sensors(lidar_frame);
-}
-
-void MappingOptimization::add_keyframe(const mapping::EstimateResult& estimate, const FeatureSet& features) {
-  if (!global_) global_ = std::make_unique<mapping::GlobalWorker>(*known_);
-  keyframes_.push_back({estimate, features});
-  take_keyframe_clouds();
-  geometry_msgs::PoseStamped pose;
-  pose.header.stamp = ros_bridge::to_ros_time(estimate.state.stamp);
-  pose.header.frame_id = config().frames.map;
-  pose.pose = to_pose(global_->T_map_odom() * estimate.state.T_odom_imu() * frames_->T_base_imu()->inverse());
-  path_.header.stamp = pose.header.stamp;
-  path_.poses.push_back(pose);
-  if (path_.poses.size() > static_cast<std::size_t>(config().nodes.path_poses)) {
-    std::size_t kept = 0;
-    for (std::size_t k = 0; k < path_.poses.size(); k += 2) path_.poses[kept++] = path_.poses[k];
-    path_.poses.resize(kept);
-  }
-  path_publisher_.publish(path_);
-  geometry_msgs::PoseArray keyframes;
-  keyframes.header = path_.header;
-  for (const geometry_msgs::PoseStamped& each : path_.poses) keyframes.poses.push_back(each.pose);
-  keyframes_publisher_.publish(keyframes);
-}
-
-void MappingOptimization::take_keyframe_clouds() {
-  while (!keyframes_.empty()) {
-    const ros::Time stamp = ros_bridge::to_ros_time(keyframes_.front().estimate.state.stamp);
-    const DeskewedCloudConstPtr scan = take(&scans_, stamp);
-    if (!scan && scans_.empty()) return;  // it has yet to come
-    if (scan) {
-      const std::vector<Point> points = ros_bridge::to_points(scan->points);
-      const mapping::EstimateResult& estimate = keyframes_.front().estimate;
-      const Eigen::Isometry3d T_imu_lidar = known_->sensor.T_imu_lidar();
-      const Eigen::Isometry3d T_odom_imu = estimate.state.T_odom_imu();
-      global_->add({estimate.state.stamp, T_odom_imu, estimate.map_covariance,
-                    mapping::make_keyframe_cloud(points, keyframes_.front().features, T_imu_lidar,
-                                                 config().mapping.output_map_voxel_m)});
-      display_->add(points, global_->T_map_odom() * T_odom_imu * T_imu_lidar);
-    }
-    keyframes_.pop_front();
-  }
 }
 
 void MappingOptimization::publish_maps() {
@@ -310,14 +266,11 @@ void MappingOptimization::publish_maps() {
     local_map_at_ = SteadyClock::now();
     local_map_publisher_.publish(ros_bridge::to_cloud(estimator_->local_map(), *previous_scan_, frames.odom));
   }
-  if (global_map_publisher_.getNumSubscribers() > 0 &&
-      seconds_since(global_map_at_) > config().nodes.global_map_period_s) {
-    global_map_at_ = SteadyClock::now();
-    global_map_publisher_.publish(ros_bridge::to_cloud(display_->points(), *previous_scan_, frames.map));
-  }
+  map_->publish_map(*previous_scan_);
 }
 
 void MappingOptimization::check_waiting() {
+  if (map_->has_loaded()) begin_localising();
   while (process_front()) {
   }
   publish_maps();
@@ -331,9 +284,7 @@ void MappingOptimization::check_waiting() {
 
 void MappingOptimization::fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* status) {
   status->add("waiting scans", features_.size());
-  status->add("keyframes", path_.poses.size());
-  status->add("keyframes that wait for loop search", global_ ? global_->backlog() : 0);
-  if (global_ && !global_->error().empty()) status->add("global map stopped", global_->error());
+  map_->fill_diagnostics(status);
   status->add("local map voxels", estimator_ ? estimator_->map_voxel_count() : 0);
   status->add("waits for the IMU that timed out", imu_gate_->timeouts());
   status->add("waits for the degeneracy that timed out", degeneracy_gate_->timeouts());

@@ -40,6 +40,7 @@ void ScanDeskew::start() {
   if (!config().sensor.imu_topic.empty())
     imu_subscriber_ = handle.subscribe(config().sensor.imu_topic, 2000, &ScanDeskew::on_imu, this, hints);
   state_subscriber_ = handle.subscribe("mapping/state", 50, &ScanDeskew::on_state, this, hints);
+  reset_subscriber_ = handle.subscribe("mapping/reset", 1, &ScanDeskew::on_reset, this, hints);
 }
 
 void ScanDeskew::on_imu(const sensor_msgs::ImuConstPtr& message) {
@@ -54,10 +55,12 @@ void ScanDeskew::on_imu(const sensor_msgs::ImuConstPtr& message) {
 }
 
 void ScanDeskew::on_state(const EstimatorStateConstPtr& message) {
-  // A late answer about what was before a jump.
-  if (!scans_.empty() && is_jump(scans_.back().stamp, ros_bridge::to_stamp(message->answers))) return;
+  const Stamp answers = ros_bridge::to_stamp(message->answers);
+  // A late answer about what was before a jump or a reset.
+  if (begins_anew_ || answers < anew_from_) return;
+  if (!scans_.empty() && is_jump(scans_.back().stamp, answers)) return;
   state_ = ros_bridge::to_state(*message);
-  state_gate_->answered(ros_bridge::to_stamp(message->answers));
+  state_gate_->answered(answers);
   while (process_front()) {
   }
 }
@@ -100,11 +103,7 @@ void ScanDeskew::add_scan(Scan scan) {
     case StampVerdict::kRestart:
       reporter()->report(Severity::kWarning, "scan_jump",
                          "the stamps of the scans jumped by more than 10 s: starting anew");
-      lost_scans_ += static_cast<std::uint32_t>(scans_.size());
-      scans_.clear();
-      previous_scan_.reset();
-      state_.reset();
-      state_gate_->reset();
+      begin_anew();
       break;
     case StampVerdict::kAccept:
       break;
@@ -120,6 +119,21 @@ void ScanDeskew::add_scan(Scan scan) {
   scans_.push_back(std::move(scan));
   while (process_front()) {
   }
+}
+
+void ScanDeskew::begin_anew() {
+  lost_scans_ += static_cast<std::uint32_t>(scans_.size());
+  scans_.clear();
+  previous_scan_.reset();
+  state_.reset();
+  state_gate_->reset();
+  processor_.reset();
+  begins_anew_ = true;
+}
+
+void ScanDeskew::on_reset(const std_msgs::EmptyConstPtr& /*message*/) {
+  reporter()->report(Severity::kInfo, "reset", "a reset was asked for: beginning anew with the next scan");
+  begin_anew();
 }
 
 bool ScanDeskew::prepare() {
@@ -145,12 +159,14 @@ bool ScanDeskew::process_front() {
   scans_.pop_front();
   front_since_ = SteadyClock::now();
   previous_scan_ = stamp;
+  if (begins_anew_) anew_from_ = stamp;
   publish(raw, processor_->process(raw, state_, *imu_));
   return true;
 }
 
 void ScanDeskew::publish(const Scan& raw, const DeskewedScan& scan) {
   ScanInfo info;
+  info.begins_anew = begins_anew_;
   info.header.stamp = ros_bridge::to_ros_time(scan.stamp);
   info.header.frame_id = lidar_frame_;
   info.duration = scan.duration_s;
@@ -164,6 +180,8 @@ void ScanDeskew::publish(const Scan& raw, const DeskewedScan& scan) {
   info.lost_scans = lost_scans_;
   info_publisher_.publish(info);
   const DeskewedCloudPtr message = ros_bridge::to_message(scan, lidar_frame_);
+  message->begins_anew = begins_anew_;
+  begins_anew_ = false;
   scan_publisher_.publish(message);
   if (points_publisher_.getNumSubscribers() > 0) points_publisher_.publish(message->points);
   if (removed_publisher_.getNumSubscribers() > 0) removed_publisher_.publish(message->removed);

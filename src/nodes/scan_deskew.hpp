@@ -7,6 +7,7 @@
 #include "node_base.hpp"
 #include "sensor_frames.hpp"
 #include <sensor_msgs/Imu.h>
+#include <std_msgs/Empty.h>
 #include <topic_tools/shape_shifter.h>
 
 #include "fdi_lio/common/answer_gate.hpp"
@@ -21,8 +22,9 @@ namespace fdi_lio::nodes {
 
 /// scan_deskew: clouds or packets in, deskewed and filtered scans out. The first seconds are compared with
 /// the parameters (scan::DataCheck); after an error nothing more is taken. A scan waits until the IMU has
-/// reached its last point, or the next scan comes, and until mapping has answered the scan before. Scans that
-/// wait are kept up to `nodes.scan_queue`; what is dropped beyond that is counted.
+/// reached its last point, or the next scan comes, and until mapping has answered the scan before. After a
+/// jump of the stamps or a reset the next scan tells the other nodes to begin anew as well. Scans that wait
+/// are kept up to `nodes.scan_queue`; what is dropped beyond that is counted.
 class ScanDeskew : public NodeBase {
  protected:
   void start() override;
@@ -33,7 +35,9 @@ class ScanDeskew : public NodeBase {
   void on_lidar(const topic_tools::ShapeShifter::ConstPtr& message);
   void on_imu(const sensor_msgs::ImuConstPtr& message);
   void on_state(const EstimatorStateConstPtr& message);
+  void on_reset(const std_msgs::EmptyConstPtr& message);
   void add_scan(Scan scan);
+  void begin_anew();
   void check(const Scan& scan);
   void report_silence();
   bool prepare();
@@ -52,12 +56,14 @@ class ScanDeskew : public NodeBase {
   StampGuard guard_;
   std::optional<imu::NavState> state_;
   std::optional<Stamp> previous_scan_;
+  bool begins_anew_ = false;  ///< the next scan will say so
+  Stamp anew_from_ = 0;       ///< the last scan that said so
   std::deque<Scan> scans_;
   SteadyClock::time_point started_;
   SteadyClock::time_point front_since_;
   std::string lidar_frame_;
   std::uint32_t lost_scans_ = 0;
-  ros::Subscriber lidar_subscriber_, imu_subscriber_, state_subscriber_;
+  ros::Subscriber lidar_subscriber_, imu_subscriber_, state_subscriber_, reset_subscriber_;
   ros::Publisher info_publisher_, scan_publisher_, points_publisher_, removed_publisher_;
 };
 

@@ -1,9 +1,11 @@
 #include "fdi_lio/pipeline/run_directory.hpp"
 
+#include <cmath>
 #include <limits>
 
 #include "fdi_lio/common/config_io.hpp"
 #include "fdi_lio/common/error.hpp"
+#include "fdi_lio/mapping/cloud_file.hpp"
 #include "fdi_lio/mapping/loop_file.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
 #include "fdi_lio/version.hpp"
@@ -111,25 +113,43 @@ void RunDirectory::write_directions(const mapping::EstimateResult& estimate) {
 }
 
 void RunDirectory::write_global(const mapping::GlobalOptimizer& global, double map_voxel_m) const {
-  write_trajectory(global);
+  std::vector<evaluation::StampedPose> corrected;
+  for (const evaluation::StampedPose& pose : poses_)
+    corrected.push_back({pose.stamp, global.correct(pose.stamp, pose.T)});
+  write_trajectory(corrected);
   mapping::write_loops((path_ / "loops.csv").string(), global.loops());
   write_fixes(global);
   mapping::MapBuilder map(map_voxel_m);
   for (std::size_t k = 0; k < global.size(); ++k) map.add(global.cloud(k)->surface, global.T_map_imu(k));
-  map.write_pcd((path_ / "map.pcd").string());
+  mapping::write_cloud((path_ / "map.pcd").string(), map.points(), mapping::CloudFormat::kPcd);
 }
 
-void RunDirectory::write_trajectory(const mapping::GlobalOptimizer& global) const {
+void RunDirectory::write_trajectory(const std::vector<evaluation::StampedPose>& poses) const {
   const std::filesystem::path path = path_ / "trajectory.tum";
   const std::filesystem::path temporary = path.string() + ".part";
-  {
-    evaluation::TrajectoryWriter writer(temporary.string());
-    for (const StampedPose& pose : poses_) {
-      const Eigen::Isometry3d T = global.correct(pose.stamp, pose.T_odom_imu);
-      writer.add(pose.stamp, Eigen::Quaterniond(T.linear()), T.translation());
-    }
-  }
+  evaluation::write_trajectory(temporary.string(), poses, evaluation::TrajectoryFormat::kTum);
   std::filesystem::rename(temporary, path);
+}
+
+void RunDirectory::write_localisation(const std::vector<evaluation::StampedPose>& poses,
+                                      const std::vector<mapping::LocalisationResult>& registrations) const {
+  write_trajectory(poses);
+  const std::filesystem::path path = path_ / "localisation.csv";
+  std::ofstream out = open_for_writing(path);
+  out.precision(std::numeric_limits<double>::max_digits10);
+  out << "stamp,state,verdict,overlap,wall_share,residual,intensity_correlation,chi_square,weak_directions,"
+         "failures,sigma_rotation,sigma_translation\n";
+  for (const mapping::LocalisationResult& each : registrations) {
+    const mapping::LoopCandidate& registration = each.registration;
+    out << stamp_text(each.stamp) << ',' << to_text(each.state) << ',' << to_text(registration.verdict) << ','
+        << registration.overlap << ',' << registration.wall_share << ',' << registration.residual_m << ','
+        << registration.intensity_correlation << ',' << registration.chi_square << ','
+        << registration.weak_directions << ',' << each.failures << ','
+        << std::sqrt(each.covariance.topLeftCorner<3, 3>().trace()) << ','
+        << std::sqrt(each.covariance.bottomRightCorner<3, 3>().trace()) << '\n';
+  }
+  out.flush();
+  check_written(out, path);
 }
 
 void RunDirectory::write_fixes(const mapping::GlobalOptimizer& global) const {

@@ -65,7 +65,7 @@ class SlamPipeline::Implementation {
     if (!estimate) return;
     previous_ = output.degeneracy;
     status_ = estimate->status;
-    status_->position_sigma_m = degeneracy::weakest_position_sigma_m(estimate->covariance);
+    status_->position_sigma_m = degeneracy::weakest_position_sigma_m(estimate->map_covariance);
     output.estimate = *estimate;
     // The longest stretch that is asked for again: the next interval, or the statistics before the next scan.
     imu_.drop_before(add_seconds(output.scan.stamp, -2.0 * config_.imu.static_duration_s));

@@ -114,7 +114,7 @@ OptimisationStatusPtr to_status_message(const mapping::EstimateResult& estimate,
   message->header.frame_id = imu_frame;
   fill(estimate.status.axes, &message->axes);
   fill(estimate.status.localizability, &message->localizability);
-  message->position_sigma = degeneracy::weakest_position_sigma_m(estimate.covariance);
+  message->position_sigma = degeneracy::weakest_position_sigma_m(estimate.map_covariance);
   message->residual_rms = estimate.status.residual_rms_m;
   message->iterations = estimate.status.iterations;
   message->matched = estimate.status.matched;

@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <iostream>
+#include <sstream>
 
 #include "fdi_lio/common/error.hpp"
 
@@ -23,6 +24,15 @@ double parse_seconds(const std::string& name, const std::string& text) {
   return value;
 }
 
+std::vector<double> parse_pose(const std::string& text) {
+  std::istringstream in(text);
+  std::vector<double> numbers;
+  for (double number = 0.0; in >> number;) numbers.push_back(number);
+  if (numbers.size() != 3 || !in.eof())
+    throw Error("--initial-pose is '" + text + "', must be 'x y yaw' in metres and degrees");
+  return numbers;
+}
+
 }  // namespace
 
 BagOptions parse_bag_options(int argc, char** argv, const std::string& usage, bool has_output) {
@@ -42,6 +52,10 @@ BagOptions parse_bag_options(int argc, char** argv, const std::string& usage, bo
         options.bags.push_back(arguments[++i]);
     } else if (name == "--output" && has_output) {
       options.output = value();
+    } else if (name == "--localise" && has_output) {
+      options.overrides.push_back("localisation.session=" + value());
+    } else if (name == "--initial-pose" && has_output) {
+      options.initial_pose = parse_pose(value());
     } else if (name == "--set") {
       options.overrides.push_back(value());
     } else if (name == "--start") {

@@ -12,10 +12,12 @@ struct BagOptions {
   std::string output;
   std::vector<std::string> overrides;  ///< `key=value`
   double start_s = 0.0;
-  double duration_s = 0.0;  ///< 0: to the end
+  double duration_s = 0.0;           ///< 0: to the end
+  std::vector<double> initial_pose;  ///< x y [m] yaw [deg] in the session to localise in; empty: not given
 };
 
-/// Reads --config, --bag, --set, --start, --duration, and --output if `has_output`. Prints `usage` and exits
+/// Reads --config, --bag, --set, --start, --duration, and if `has_output` --output, --localise (which sets
+/// localisation.session) and --initial-pose. Prints `usage` and exits
 /// with --help. Throws Error, which ends with `usage`, when something is unknown or missing.
 BagOptions parse_bag_options(int argc, char** argv, const std::string& usage, bool has_output);
 

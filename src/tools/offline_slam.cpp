@@ -1,4 +1,5 @@
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <iostream>
 #include <optional>
@@ -22,10 +23,15 @@ using fdi_lio::Error;
 const char* const kUsage =
     "usage: offline_slam --config FILE --bag FILE... --output DIR [--set key=value]... [--start S] "
     "[--duration S]\n"
+    "                    [--localise SESSION [--initial-pose 'x y yaw']]\n"
     "Runs a recording through the whole system, without a roscore, as fast as the machine allows.\n"
     "Writes DIR/{trajectory.tum, odometry.tum, map.pcd, loops.csv, fixes.csv, degeneracy.csv, "
-    "covariance.csv, timing.json, run.yaml, "
+    "covariance.csv, directions.csv, timing.json, run.yaml, "
     "warnings.txt}.\n"
+    "With --localise the poses are those in a saved session (loop.save_session, save_map), which stays as it "
+    "is: trajectory.tum\n"
+    "begins when the place was found, localisation.csv has every registration, and there is no map. "
+    "--initial-pose: x y [m], yaw [deg].\n"
     "First compares the first seconds with the configuration, as check_bag does (--set check.enabled=false: "
     "not).\n"
     "Exit code: 0 done, 2 not possible as asked (the message says why), 130 interrupted.\n";
@@ -43,6 +49,14 @@ void print_new(fdi_lio::Reporter* reporter) {
   }
 }
 
+fdi_lio::mapping::InitialPose initial_pose(const fdi_lio::tools::BagOptions& options,
+                                           const fdi_lio::Config& config) {
+  constexpr double kDegree = M_PI / 180.0;
+  return {options.initial_pose[0], options.initial_pose[1], options.initial_pose[2] * kDegree,
+          config.localisation.initial_sigma_translation_m,
+          config.localisation.initial_sigma_rotation_deg * kDegree};
+}
+
 int run(const fdi_lio::tools::BagOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
   const fdi_lio::Config config = fdi_lio::load_config(options.config, options.overrides);
@@ -52,6 +66,7 @@ int run(const fdi_lio::tools::BagOptions& options) {
   fdi_lio::tools::BagSource source(options.bags, config.sensor, &reporter);
   if (config.check.enabled) fdi_lio::tools::require_good_start(&source, config, options.start_s, &reporter);
   fdi_lio::tools::SlamRun slam(config, options.output, &reporter);
+  if (!options.initial_pose.empty()) slam.set_initial_pose(initial_pose(options, config));
   fdi_lio::tools::ProgressBar progress(source.duration_s(options.start_s, options.duration_s));
   double read_s = 0.0;
   fdi_lio::tools::BagCallbacks callbacks;
@@ -79,6 +94,9 @@ int run(const fdi_lio::tools::BagOptions& options) {
   print_new(&reporter);
   if (damage) throw Error(*damage);
   if (slam.scans() == 0) throw Error("no scan of the recording could be used: see the messages above");
+  if (!slam.is_placed())
+    throw Error("the place was not found in the session: " + options.output +
+                "/localisation.csv says why; give --initial-pose, or see whether it is the right session");
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   std::cerr << slam.scans() << " scans, " << read_s << " s of data in " << wall_s << " s; results in "
             << options.output << "\n";

@@ -7,6 +7,7 @@
 #include "fdi_lio/common/config_io.hpp"
 #include "fdi_lio/common/error.hpp"
 #include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/mapping/localiser.hpp"
 #include "fdi_lio/mapping/loop_file.hpp"
 #include "fdi_lio/mapping/session_io.hpp"
 
@@ -16,11 +17,15 @@ using fdi_lio::Error;
 namespace mapping = fdi_lio::mapping;
 
 const char* const kUsage =
-    "usage: optimise_session --config FILE --session DIR --output DIR [--set key=value]... [--drift SHARE] "
-    "[--seed N]\n"
+    "usage: optimise_session --config FILE --session DIR [--merge DIR] --output DIR [--set key=value]... "
+    "[--drift SHARE] [--seed N]\n"
     "Looks for the loops of a saved session anew, with other parameters, and saves the result as a new "
     "session\n"
-    "with loops.csv. --drift adds an error to the odometry first that grows to about SHARE of the way (0.02: "
+    "with loops.csv. --merge puts a second session into the map of the first: where it lies there is found "
+    "as in "
+    "localisation,\n"
+    "and loops between the two make it sure. --drift adds an error to the odometry first that grows to about "
+    "SHARE of the way (0.02: "
     "2 %),\n"
     "half of it steady and half random, to see what the loops can mend.\n"
     "Exit code: 0 done, 2 not possible as asked.\n";
@@ -28,6 +33,7 @@ const char* const kUsage =
 struct Options {
   std::string config;
   std::string session;
+  std::string merged;  ///< a second session; empty: none
   std::string output;
   std::vector<std::string> overrides;
   double drift_share = 0.0;
@@ -43,6 +49,8 @@ Options parse(const std::vector<std::string>& arguments) {
       options.config = value;
     } else if (name == "--session") {
       options.session = value;
+    } else if (name == "--merge") {
+      options.merged = value;
     } else if (name == "--output") {
       options.output = value;
     } else if (name == "--set") {
@@ -83,19 +91,17 @@ class Drift {
   std::mt19937 random_;
 };
 
-int run(const Options& options) {
-  const fdi_lio::Config config = fdi_lio::load_config(options.config, options.overrides);
-  const mapping::Session session = mapping::load_session(options.session);
-  fdi_lio::Reporter reporter;
-  mapping::GlobalOptimizer global(config, &reporter);
-  Drift drift(options.drift_share, options.seed);
-  Eigen::Isometry3d T_odom_imu = session.keyframes.front().T_odom_imu;
+/// Adds all keyframes of a session, of which the odometry begins at `T_odom_begin`.
+void add_session(const mapping::Session& session, const Eigen::Isometry3d& T_odom_begin, Drift* drift,
+                 mapping::GlobalOptimizer* global) {
+  Eigen::Isometry3d T_odom_imu = T_odom_begin;
   for (std::size_t k = 0; k < session.keyframes.size(); ++k) {
     mapping::Keyframe keyframe;
     keyframe.stamp = session.keyframes[k].stamp;
+    keyframe.begins_session = k == 0 && global->size() > 0;
     if (k > 0) {
       const mapping::RelativePose& edge = session.graph.odometry[k - 1];
-      T_odom_imu = T_odom_imu * drift.spoil(edge.T_from_to);
+      T_odom_imu = T_odom_imu * drift->spoil(edge.T_from_to);
       // The edge's covariance has the random walk too, which the optimiser adds again: small beside it.
       mapping::Matrix6d to_odom = mapping::Matrix6d::Identity();
       to_odom.bottomRightCorner<3, 3>() = T_odom_imu.linear();
@@ -103,9 +109,42 @@ int run(const Options& options) {
     }
     keyframe.T_odom_imu = T_odom_imu;
     keyframe.cloud = mapping::load_session_cloud(session, k);
-    global.add(std::move(keyframe));
+    global->add(std::move(keyframe));
   }
-  mapping::save_session(global, config.mapping.output_map_voxel_m, options.output);
+}
+
+/// Where the odometry of `session` begins in the map of `base`. Throws Error when its place is not found
+/// there.
+Eigen::Isometry3d find_begin(const fdi_lio::Config& config, const mapping::Session& base,
+                             const mapping::Session& session, fdi_lio::Reporter* reporter) {
+  mapping::Localiser localiser(config, base, reporter);
+  for (std::size_t k = 0; k < session.keyframes.size(); ++k) {
+    mapping::Keyframe keyframe;
+    keyframe.stamp = session.keyframes[k].stamp;
+    keyframe.T_odom_imu = session.keyframes[k].T_odom_imu;
+    keyframe.cloud = mapping::load_session_cloud(session, k);
+    localiser.add(keyframe);
+    if (localiser.T_map_odom()) return *localiser.T_map_odom() * session.keyframes.front().T_odom_imu;
+  }
+  throw Error("the place of " + session.path + " was not found in " + base.path + ": nothing was merged");
+}
+
+int run(const Options& options) {
+  const fdi_lio::Config config = fdi_lio::load_config(options.config, options.overrides);
+  const mapping::Session session = mapping::load_session(options.session);
+  fdi_lio::Reporter reporter;
+  mapping::GlobalOptimizer global(config, &reporter);
+  Drift drift(options.drift_share, options.seed);
+  add_session(session, session.keyframes.front().T_odom_imu, &drift, &global);
+  if (!options.merged.empty()) {
+    const mapping::Session merged = mapping::load_session(options.merged);
+    const Eigen::Isometry3d T_map_begin = find_begin(config, session, merged, &reporter);
+    // The newest correction of the map brings it to the odometry that the optimiser goes on with.
+    add_session(merged, global.T_map_odom().inverse() * T_map_begin, &drift, &global);
+  }
+  mapping::SessionOptions session_options;
+  session_options.map_voxel_m = config.mapping.output_map_voxel_m;
+  mapping::save_session(global, session_options, options.output);
   mapping::write_loops(options.output + "/loops.csv", global.loops());
   std::cout << global.size() << " keyframes, " << global.graph().loops.size() << " of "
             << global.loops().size() << " loop candidates accepted\n";

@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -50,6 +52,9 @@ struct Options {
   std::string scenario;
   std::string output;
   std::uint64_t seed = 1;
+  std::optional<std::uint64_t> noise_seed;  ///< of the sensors' errors; empty: the same
+  std::optional<double> revisit_s;  ///< another drive, from where the first one is then; empty: the first one
+  bool reversed = false;            ///< the other drive goes back
   int threads = 0;
   std::vector<std::string> overrides;
 };
@@ -57,7 +62,8 @@ struct Options {
 const char kUsage[] =
     "usage: simulate_bag --scenario config/scenarios/NAME.yaml --output FILE.bag [--seed N] [--duration "
     "SECONDS]\n"
-    "                    [--set key=value]... [--threads N]\n"
+    "                    [--set key=value]... [--threads N] [--noise-seed N]\n"
+    "                    [--revisit SECONDS [--reversed yes]]\n"
     "Writes FILE.bag (/points_raw /imu_raw /ground_truth/odometry, /gps/fix if enabled), and beside it "
     "FILE.tum (truth), "
     "FILE.labels\n"
@@ -96,6 +102,12 @@ Options parse_arguments(int argc, char** argv) {
       options.output = value;
     else if (name == "--seed")
       options.seed = static_cast<std::uint64_t>(whole_number(name, value, 0, 2147483647));
+    else if (name == "--noise-seed")
+      options.noise_seed = static_cast<std::uint64_t>(whole_number(name, value, 0, 2147483647));
+    else if (name == "--revisit")
+      options.revisit_s = static_cast<double>(whole_number(name, value, 0, 7200));
+    else if (name == "--reversed")
+      options.reversed = value == "yes";
     else if (name == "--duration")
       options.overrides.push_back("duration=" + value);
     else if (name == "--set")
@@ -242,17 +254,57 @@ class Files {
   std::string stem_;
 };
 
+/// Another drive along the way of `drive`: begins at rest where that is after `begin_s`, and goes on as that
+/// does, or back, with the vehicle turned.
+sim::Trajectory revisit(const sim::Trajectory& drive, double begin_s, bool reversed, double duration_s) {
+  constexpr double kKnotPeriodS = 0.04;
+  constexpr double kStandS = 2.0;
+  constexpr double kRampS = 5.0;  // until it drives as fast as the first one did there
+  std::vector<sim::PoseVector> poses;
+  double yaw = 0.0;
+  for (double t = 0.0; t < duration_s + 1.0; t += kKnotPeriodS) {
+    // The integral of a speed that rises with 3 u^2 - 2 u^3.
+    const double u = std::clamp((t - kStandS) / kRampS, 0.0, 1.0);
+    const double passed_s = kRampS * (u * u * u - 0.5 * u * u * u * u) + std::max(0.0, t - kStandS - kRampS);
+    Eigen::Isometry3d T = drive.pose(begin_s + (reversed ? -passed_s : passed_s));
+    if (reversed) T.rotate(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()));
+    const Eigen::Matrix3d R = T.rotation();
+    const double wrapped_yaw = std::atan2(R(1, 0), R(0, 0));
+    yaw = poses.empty() ? wrapped_yaw : yaw + std::remainder(wrapped_yaw - yaw, 2.0 * M_PI);
+    sim::PoseVector pose;
+    pose << T.translation(), std::atan2(R(2, 1), R(2, 2)), std::asin(-R(2, 0)), yaw;
+    poses.push_back(pose);
+  }
+  return sim::Trajectory(std::move(poses), kKnotPeriodS);
+}
+
+/// The place with its first drive, which reaches as far as the one that is recorded.
+sim::Place make_place(sim::Scenario scenario, const Options& options) {
+  scenario.duration_s += options.revisit_s.value_or(0.0);
+  return sim::make_place(scenario, options.seed);
+}
+
+/// The drive that is recorded: the first one (movers may follow it, so it stays where it is) or another.
+std::unique_ptr<sim::Trajectory> choose_drive(sim::Trajectory first, const sim::Scenario& scenario,
+                                              const Options& options) {
+  if (!options.revisit_s) return std::make_unique<sim::Trajectory>(std::move(first));
+  return std::make_unique<sim::Trajectory>(
+      revisit(first, *options.revisit_s, options.reversed, scenario.duration_s));
+}
+
 /// Runs the sensors side by side and writes their messages in the order of their reception.
 class Recorder {
  public:
-  Recorder(const sim::Scenario& scenario, std::uint64_t seed, const Files& files)
+  Recorder(const sim::Scenario& scenario, const Options& options, std::uint64_t noise_seed,
+           const Files& files)
       : scenario_(scenario),
-        place_(sim::make_place(scenario, seed)),
+        place_(make_place(scenario, options)),
+        drive_(choose_drive(*place_.trajectory, scenario, options)),
         model_(sim::make_lidar_model(scenario.lidar)),
-        lidar_(*place_.world, *place_.trajectory, model_, sim::draw_lidar_errors(scenario, model_, seed),
-               scenario.world.dust_per_m, scenario.lidar, seed),
-        imu_(*place_.trajectory, scenario.imu, seed),
-        gnss_(*place_.trajectory, scenario.gnss, seed),
+        lidar_(*place_.world, *drive_, model_, sim::draw_lidar_errors(scenario, model_, noise_seed),
+               scenario.world.dust_per_m, scenario.lidar, noise_seed),
+        imu_(*drive_, scenario.imu, noise_seed),
+        gnss_(*drive_, scenario.gnss, noise_seed),
         tum_(files.working(".tum")),
         labels_(files.working(".labels")) {
     bag_->open(files.working(".bag"), rosbag::bagmode::Write);
@@ -342,20 +394,20 @@ class Recorder {
 
   void write_odometry(double time) {
     const Stamp stamp = add_seconds(kStart, time);
-    bag_->write("/ground_truth/odometry", ros_time(stamp),
-                odometry_message(place_.trajectory->evaluate(time), stamp));
+    bag_->write("/ground_truth/odometry", ros_time(stamp), odometry_message(drive_->evaluate(time), stamp));
     ++odometry_count_;
   }
 
   void write_imu() {
     const Stamp received = add_seconds(kStart, next_.time_s + kImuLatency);
     bag_->write("/imu_raw", ros_time(received), imu_message(next_, scenario_.imu));
-    tum_.add(add_seconds(kStart, next_.time_s), place_.trajectory->pose(next_.time_s));
+    tum_.add(add_seconds(kStart, next_.time_s), drive_->pose(next_.time_s));
     next_ = imu_.next();
   }
 
   sim::Scenario scenario_;
   sim::Place place_;
+  std::unique_ptr<sim::Trajectory> drive_;
   sim::LidarModel model_;
   sim::LidarSimulator lidar_;
   sim::ImuSimulator imu_;
@@ -378,7 +430,7 @@ void run(int argc, char** argv) {
   const sim::Scenario scenario = sim::load_scenario(options.scenario, options.overrides);
   const Files files(options.output);
   try {
-    Recorder recorder(scenario, options.seed, files);
+    Recorder recorder(scenario, options, options.noise_seed.value_or(options.seed), files);
     recorder.run(options.seed, files);
   } catch (const rosbag::BagException& error) {
     throw Error("cannot write the bag " + options.output + " (" + error.what() +

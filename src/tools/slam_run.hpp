@@ -3,6 +3,7 @@
 #include <chrono>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
@@ -11,6 +12,7 @@
 #include "fdi_lio/evaluation/stage_times.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/mapping/global_optimizer.hpp"
+#include "fdi_lio/mapping/localiser.hpp"
 #include "fdi_lio/pipeline/run_directory.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
 
@@ -18,11 +20,16 @@ namespace fdi_lio::tools {
 
 /// The pipeline over one recording, with its results in a folder. Like the nodes it drops scans whose stamps
 /// do not follow, and begins anew where stamps jump for good (a recording that was started again, a clock
-/// that was set): the results from there on go to OUTPUT_2, OUTPUT_3, ...
+/// that was set): the results from there on go to OUTPUT_2, OUTPUT_3, ... With `localisation.session` no map
+/// is made: the poses are those in the session.
 class SlamRun {
  public:
-  /// Makes the folder `output`. Throws Error when it cannot be made or written.
+  /// Makes the folder `output`. Throws Error when it cannot be made or written, or when the session to
+  /// localise in is damaged.
   SlamRun(const Config& config, const std::string& output, Reporter* reporter);
+
+  /// Tells the localiser where the recording begins.
+  void set_initial_pose(const mapping::InitialPose& pose);
 
   void add_imu(const imu::ImuSample& sample);
 
@@ -40,6 +47,9 @@ class SlamRun {
   /// Processes what waits and writes map, timing and warnings. Throws Error when the disk takes no more.
   void finish();
 
+  /// Whether the place in the session was found, if there was one to localise in.
+  bool is_placed() const { return !part_->localiser || !part_->localised.empty(); }
+
   /// Scans with an estimate.
   std::size_t scans() const { return finished_scans_ + part_->directory.scans(); }
 
@@ -49,16 +59,21 @@ class SlamRun {
     Part(const Config& config, const std::string& output, double begin_s, Reporter* reporter);
 
     void add(const Config& config, const pipeline::ScanOutput& output);
+    void localise(const mapping::Keyframe& scan);
 
     double begin_s;  ///< position in the recording
     std::chrono::steady_clock::time_point began = std::chrono::steady_clock::now();
     pipeline::RunDirectory directory;
     mapping::GlobalOptimizer global;
+    std::unique_ptr<mapping::Localiser> localiser;   ///< in place of `global`
+    std::vector<evaluation::StampedPose> localised;  ///< T_map_imu of every scan since the place was found
+    std::vector<mapping::LocalisationResult> registrations;
     evaluation::StageTimes times;
     pipeline::SlamPipeline pipeline;
   };
 
   void begin_anew();
+  void write_map();
 
   Config config_;
   std::string output_;

@@ -1,6 +1,7 @@
 #include <cmath>
 #include <random>
 
+#include <Eigen/QR>
 #include <gtest/gtest.h>
 
 #include "fdi_lio/mapping/beam_calibration.hpp"

@@ -79,7 +79,7 @@ Localizability at_origin(const Surface& surface, const Sampling& sampling, doubl
   Config config;
   config.sensor.range_noise_m = sampling.noise_m;
   const LidarInformation information = ScanMatcher(config).linearise(
-      input, {map, VoxelMap(VoxelMapConfig())}, q, Eigen::Vector3d::Zero(), MatchSettings());
+      input, map, VoxelMap(VoxelMapConfig()), q, Eigen::Vector3d::Zero(), MatchSettings());
   return analyse_localizability(information, kMargin);
 }
 

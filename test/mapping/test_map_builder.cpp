@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "fdi_lio/common/error.hpp"
+#include "fdi_lio/mapping/cloud_file.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
 
 namespace fdi_lio::mapping {
@@ -26,7 +27,7 @@ TEST(MapBuilder, WritesOneMeanPointAVoxel) {
   const std::string path =
       (std::filesystem::temp_directory_path() / ("fdi_lio_map_" + std::to_string(getpid()) + ".pcd"))
           .string();
-  builder.write_pcd(path);
+  write_cloud(path, builder.points(), CloudFormat::kPcd);
   std::ifstream in(path, std::ios::binary);
   std::string line;
   while (std::getline(in, line) && line != "DATA binary") {
@@ -40,9 +41,35 @@ TEST(MapBuilder, WritesOneMeanPointAVoxel) {
   std::filesystem::remove(path);
 }
 
+TEST(CloudFile, PlyHasTheSamePointsAsPcd) {
+  Point point;
+  point.position = Eigen::Vector3f(1.0F, -2.0F, 3.5F);
+  point.intensity = 7.0F;
+  const std::string path =
+      (std::filesystem::temp_directory_path() / ("fdi_lio_map_" + std::to_string(getpid()) + ".ply"))
+          .string();
+  write_cloud(path, {Point(), point}, to_cloud_format("ply"));
+  std::ifstream in(path, std::ios::binary);
+  std::string line;
+  std::getline(in, line);
+  EXPECT_EQ(line, "ply");
+  std::string element;
+  while (std::getline(in, line) && line != "end_header") {
+    if (line.rfind("element", 0) == 0) element = line;
+  }
+  EXPECT_EQ(element, "element vertex 2");
+  float data[8] = {};
+  in.read(reinterpret_cast<char*>(data), sizeof(data));
+  EXPECT_EQ(data[5], -2.0F);
+  EXPECT_EQ(data[7], 7.0F);
+  EXPECT_EQ(in.peek(), std::ifstream::traits_type::eof());
+  std::filesystem::remove(path);
+  EXPECT_THROW(to_cloud_format("las"), Error);
+}
+
 TEST(MapBuilder, SaysWhichFileCannotBeWritten) {
   try {
-    MapBuilder(1.0).write_pcd("/nowhere/map.pcd");
+    write_cloud("/nowhere/map.pcd", {}, CloudFormat::kPcd);
     FAIL();
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("/nowhere/map.pcd"));

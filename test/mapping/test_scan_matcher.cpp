@@ -44,7 +44,7 @@ TEST_F(Room, GaussNewtonFindsTheTruePose) {
   Eigen::Vector3d t = t_true + Eigen::Vector3d(0.05, -0.08, 0.06);
   const ScanMatcher matcher{Config()};
   for (int iteration = 0; iteration < 10; ++iteration) {
-    const LidarInformation information = matcher.linearise(input, {map_, empty_}, q, t, MatchSettings());
+    const LidarInformation information = matcher.linearise(input, map_, empty_, q, t, MatchSettings());
     const Vector6d step = -information.H.ldlt().solve(information.b);
     q = q * so3::exp_q(step.head<3>());
     t += step.tail<3>();
@@ -63,7 +63,7 @@ TEST_F(Room, GradientIsTheNumericDerivativeOfTheCostWhereNoMatchChanges) {
   MatchInput input;
   input.planes.emplace_back(1.0, 1.0, 0.21);
   const auto at = [&](double dz, double roll) {
-    return matcher.linearise(input, {map_, empty_}, so3::exp_q(Eigen::Vector3d(roll, 0.0, 0.0)),
+    return matcher.linearise(input, map_, empty_, so3::exp_q(Eigen::Vector3d(roll, 0.0, 0.0)),
                              Eigen::Vector3d(0.0, 0.0, dz), MatchSettings());
   };
   const LidarInformation nominal = at(0.0, 0.0);
@@ -79,13 +79,13 @@ TEST_F(Room, ResidualsBeyondTheLimitAreNoMatches) {
   MatchSettings settings;
   settings.max_residual_m = 1e-6;
   const auto information = ScanMatcher(Config()).linearise(
-      input, {map_, empty_}, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero(), settings);
+      input, map_, empty_, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero(), settings);
   EXPECT_LT(information.planes, 5U);
 }
 
 TEST_F(Room, EmptyInputGivesNoInformation) {
   const auto information = ScanMatcher(Config()).linearise(
-      MatchInput(), {map_, empty_}, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero(), MatchSettings());
+      MatchInput(), map_, empty_, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero(), MatchSettings());
   EXPECT_EQ(information.planes, 0U);
   EXPECT_TRUE(information.H.isZero());
 }

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "fdi_lio/common/error.hpp"
+#include "fdi_lio/common/new_file.hpp"
 #include "fdi_lio/mapping/session_io.hpp"
 
 namespace fdi_lio::mapping {
@@ -38,7 +39,7 @@ class Sessions : public testing::Test {
   }
   void TearDown() override { fs::remove_all(folder_); }
 
-  void save(const std::string& path) { save_session(global_, 0.2, path); }
+  void save(const std::string& path) { save_session(global_, options_, path); }
 
   static std::string error_of(const std::function<void()>& action) {
     try {
@@ -51,6 +52,7 @@ class Sessions : public testing::Test {
 
   fs::path folder_;
   std::string path_;
+  SessionOptions options_;
   Reporter reporter_;
   GlobalOptimizer global_{Config(), &reporter_};
 };
@@ -68,6 +70,36 @@ TEST_F(Sessions, WhatIsSavedIsLoadedBack) {
   EXPECT_EQ(cloud.edges.size(), 3U);
   EXPECT_EQ(cloud.planes[7].position, global_.cloud(3)->planes[7].position);
   EXPECT_FALSE(fs::exists(path_ + ".part"));
+  ASSERT_EQ(session.places.size(), 5U);
+  EXPECT_EQ(session.descriptor_range_m, Config().loop.descriptor_range_m);
+  const PlaceDescriptor place = describe_place(
+      cloud.surface, levelled(session.keyframes[3].T_odom_imu.linear()), session.descriptor_range_m);
+  EXPECT_TRUE((session.places[3].height == place.height).all());
+  EXPECT_TRUE((session.places[3].ring_key == place.ring_key).all());
+}
+
+TEST_F(Sessions, MapsOfEachKindOfFeatureAndInEachFormat) {
+  options_.map_format = CloudFormat::kPly;
+  options_.layers = true;
+  save(path_);
+  for (const char* name : {"map.ply", "map_planes.ply", "map_edges.ply"})
+    EXPECT_GT(fs::file_size(path_ + "/" + name), 100U) << name;
+  EXPECT_FALSE(fs::exists(path_ + "/map.pcd"));
+  // Three equal edge points in each of five keyframes make no more than five voxels of 16 bytes.
+  EXPECT_LT(fs::file_size(path_ + "/map_edges.ply"), 300U);
+  EXPECT_EQ(load_session(path_).keyframes.size(), 5U);
+  std::ofstream(path_ + "/map_edges.ply", std::ios::app) << "more";
+  EXPECT_THAT(error_of([this] { load_session(path_); }), testing::HasSubstr("map_edges.ply"));
+}
+
+TEST_F(Sessions, DatedNamesStayInTheFolderAndKeepTheEnding) {
+  EXPECT_EQ(free_dated_path(path_), path_);
+  save(path_);
+  const std::string dated = free_dated_path(path_);
+  EXPECT_THAT(dated, testing::StartsWith(path_ + "_20"));
+  EXPECT_EQ(dated.size(), path_.size() + 16);
+  save(dated);
+  EXPECT_THAT(free_dated_path(path_ + "/trajectory.tum"), testing::EndsWith(".tum"));
 }
 
 TEST_F(Sessions, WhatExistsIsNotTouched) {
@@ -75,20 +107,23 @@ TEST_F(Sessions, WhatExistsIsNotTouched) {
   std::ofstream(path_ + "/mine.txt") << "important";
   EXPECT_THAT(error_of([this] { save(path_); }), testing::HasSubstr("exists already"));
   EXPECT_EQ(fs::file_size(path_ + "/mine.txt"), 9U);
-  EXPECT_EQ(free_session_path(path_), path_ + "_2");
-  save(free_session_path(path_));
-  EXPECT_EQ(free_session_path(path_), path_ + "_3");
+  EXPECT_EQ(free_path(path_), path_ + "_2");
+  save(free_path(path_));
+  EXPECT_EQ(free_path(path_), path_ + "_3");
   EXPECT_EQ(load_session(path_ + "_2").keyframes.size(), 5U);
 }
 
 TEST_F(Sessions, DamageIsNamed) {
   save(path_);
-  for (const std::string name : {"graph.g2o", "keyframes/000002.pcd", "map.pcd", "odometry.tum"}) {
+  for (const std::string name :
+       {"graph.g2o", "keyframes/000002.pcd", "map.pcd", "odometry.tum", "places.bin"}) {
     const std::string copy = path_ + "_damaged";
     fs::copy(path_, copy, fs::copy_options::recursive);
     std::fstream file(copy + "/" + name, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekg(300);
+    const auto byte = static_cast<char>(file.get());
     file.seekp(300);
-    file.put('#');
+    file.put(static_cast<char>(byte ^ 1));
     file.close();
     EXPECT_THAT(error_of([&] { load_session(copy); }), testing::HasSubstr(name));
     fs::remove(copy + "/" + name);

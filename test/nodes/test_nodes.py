@@ -1,122 +1,25 @@
 #!/usr/bin/python3
 """The real nodes over real topics: the same result as offline_slam, restarts, tf, bad parameters.
 
-usage: test_nodes.py BIN_DIR SOURCE_DIR
+usage: test_nodes.py BIN_DIR SOURCE_DIR [TEST...]
 """
-import filecmp
-import os
-import pathlib
-import signal
-import socket
 import subprocess
 import sys
-import tempfile
 import time
-import unittest
-import xmlrpc.client
 
 import numpy as np
+from node_fixture import DURATION_S, MOUNTING, SOURCE, Recording, read_tum, run_tests
 
-BIN = pathlib.Path()
-SOURCE = pathlib.Path()
-DURATION_S = 15
-MOUNTING = [0.0011, -0.0007, 0.0004, 0.99999907]  # rotation of T_imu_lidar, x y z w
+sys.path[:0] = [str(SOURCE / "test/system"), str(SOURCE / "test/scripts")]
+import broken_bags  # noqa: E402
+import test_velodyne_packets as velodyne_packets  # noqa: E402
+
 HOUR_S = 3600.0
 JUMP_AT_S = 4  # the vehicle has hardly left: a new map at full speed would be another test
 NODES = ("imu_preintegration", "scan_deskew", "feature_extraction", "degeneracy_estimation", "mapping_optimization")
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-class Launch:
-    """roslaunch with a master of its own."""
-
-    def __init__(self, *arguments, home):
-        self.port = free_port()
-        self.environment = dict(os.environ, ROS_MASTER_URI=f"http://127.0.0.1:{self.port}", ROS_HOSTNAME="127.0.0.1",
-                                ROS_HOME=str(home), PYTHONUNBUFFERED="1")
-        self.log = home / f"launch_{self.port}.log"
-        with open(self.log, "w", encoding="utf-8") as log:
-            self.process = subprocess.Popen(
-                ["roslaunch", "-p", str(self.port), str(SOURCE / "launch/fdi_lio.launch"), *map(str, arguments)],
-                env=self.environment, stdout=log, stderr=subprocess.STDOUT)
-        deadline = time.monotonic() + 30
-        with xmlrpc.client.ServerProxy(self.environment["ROS_MASTER_URI"]) as master:
-            while True:
-                try:
-                    master.getPid("/test_nodes")
-                    return
-                except OSError:
-                    if time.monotonic() > deadline:
-                        raise
-                    time.sleep(0.05)
-
-    def run(self, *command):
-        return subprocess.run(command, env=self.environment, capture_output=True, text=True, check=False, timeout=60)
-
-    def wait(self, timeout_s=180):
-        self.process.wait(timeout_s)
-        return self.text()
-
-    def stop(self):
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-        self.process.wait(60)
-        return self.text()
-
-    def text(self):
-        return self.log.read_text(encoding="utf-8")
-
-    def wait_for_topic(self, topic, message_count=1, timeout_s=60):
-        done = subprocess.run(["timeout", str(timeout_s), "rostopic", "echo", "-n", str(message_count), topic],
-                              env=self.environment, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise AssertionError(f"no message on {topic}: {done.stderr}\n{self.text()}")
-        return done.stdout
-
-
-def read_tum(path):
-    return np.loadtxt(path, ndmin=2)
-
-
-class Nodes(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.path = pathlib.Path(cls.folder.name)
-        cls.bag = cls.path / "street.bag"
-        subprocess.run(
-            [BIN / "simulate_bag", "--scenario", SOURCE / "config/scenarios/street.yaml", "--seed", "8", "--output",
-             cls.bag, "--duration", str(DURATION_S), "--set", "lidar.model=vlp16"], check=True, capture_output=True)
-        cls.config = cls.path / "street.config.yaml"
-        # A mounting that is turned by a little: rotations that are rounded on their way show.
-        text = cls.config.read_text(encoding="utf-8")
-        turned = text.replace("rotation: [0, 0, 0, 1]", f"rotation: {MOUNTING}")
-        assert turned != text
-        cls.config.write_text(turned, encoding="utf-8")
-        subprocess.run([BIN / "offline_slam", "--config", cls.config, "--bag", cls.bag, "--output",
-                        cls.path / "offline"], check=True, capture_output=True)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
-
-    def launch(self, *arguments):
-        launch = Launch(f"config:={self.config}", *arguments, home=self.path)
-        self.addCleanup(launch.stop)
-        return launch
-
-    def play(self, name, *arguments):
-        return self.launch(f"bag:={self.bag}", f"output:={self.path / name}", "exit_at_end:=true", *arguments)
-
-    def expect_same_as_offline(self, name):
-        for file in ("trajectory.tum", "odometry.tum", "degeneracy.csv", "covariance.csv", "map.pcd"):
-            self.assertTrue(filecmp.cmp(self.path / "offline" / file, self.path / name / file, shallow=False), file)
-
+class Nodes(Recording):
     def test_five_processes_compute_what_one_does(self):
         launch = self.play("processes")
         text = launch.wait()
@@ -171,12 +74,6 @@ class Nodes(unittest.TestCase):
                 self.assertGreater(estimate[-1, 0], truth[-1, 0] - 0.3)
                 self.assertGreater(len(estimate), 10 * (DURATION_S - 5))
                 self.expect_same_way(estimate, truth)
-
-    def expect_same_way(self, estimate, truth):
-        """The first and the last pose are as far apart as they really are."""
-        q = np.stack([np.interp(estimate[:, 0], truth[:, 0], truth[:, k]) for k in (1, 2, 3)], axis=1)
-        moved = np.linalg.norm(estimate[-1, 1:4] - estimate[0, 1:4])
-        self.assertLess(abs(moved - np.linalg.norm(q[-1] - q[0])), 1.0)
 
     def test_clocks_that_jump_for_good_begin_a_new_map(self):
         truth = read_tum(self.path / "street.tum")
@@ -275,9 +172,4 @@ class Nodes(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    SOURCE = pathlib.Path(sys.argv.pop()).resolve()
-    BIN = pathlib.Path(sys.argv.pop()).resolve()
-    sys.path[:0] = [str(SOURCE / "test/system"), str(SOURCE / "test/scripts")]
-    import broken_bags
-    import test_velodyne_packets as velodyne_packets
-    unittest.main(verbosity=2)
+    run_tests()

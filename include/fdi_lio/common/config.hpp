@@ -144,6 +144,7 @@ struct NodeConfig {
   double global_map_period_s = 5.0;
   double global_map_voxel_m = 0.4;
   int path_poses = 5000;
+  double correction_time_constant_s = 1.0;
 
   void visit(ParameterVisitor& visitor);
 };
@@ -177,6 +178,7 @@ struct Config {
   mapping::AdaptationConfig adaptation;
   mapping::LoopConfig loop;
   mapping::GnssConfig gnss;
+  mapping::LocalisationConfig localisation;
   NodeConfig nodes;
   CheckConfig check;
   int threads = 2;

@@ -13,6 +13,7 @@
 #include "fdi_lio/mapping/graph_file.hpp"
 #include "fdi_lio/mapping/keyframe_store.hpp"
 #include "fdi_lio/mapping/loop_types.hpp"
+#include "fdi_lio/mapping/place_descriptor.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -22,6 +23,9 @@ struct Keyframe {
   Eigen::Isometry3d T_odom_imu = Eigen::Isometry3d::Identity();
   Matrix6d covariance = Matrix6d::Zero();  ///< of T_odom_imu against the local map, [dtheta, dt (odom)]
   KeyframeCloud cloud;
+  /// The first of another session: T_odom_imu is where that is believed to be in the odometry of the one
+  /// before, but no way leads from the keyframe before to this one. Loops make it sure.
+  bool begins_session = false;
 };
 
 /// The points of a scan and its features, moved from the lidar to the IMU frame; the surface is thinned to
@@ -72,6 +76,8 @@ class GlobalOptimizer {
   const Eigen::Isometry3d& T_odom_imu(std::size_t keyframe) const;
   Eigen::Isometry3d T_map_imu(std::size_t keyframe) const;
   std::shared_ptr<const KeyframeCloud> cloud(std::size_t keyframe) const;
+  const PlaceDescriptor& place(std::size_t keyframe) const;
+  double descriptor_range_m() const;
   GraphFile graph() const;
 
  private:

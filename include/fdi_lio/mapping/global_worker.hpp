@@ -1,14 +1,13 @@
 #pragma once
 
-#include <condition_variable>
-#include <deque>
+#include <functional>
+#include <future>
 #include <mutex>
-#include <optional>
 #include <string>
-#include <thread>
 
 #include <Eigen/Geometry>
 
+#include "fdi_lio/common/task_thread.hpp"
 #include "fdi_lio/mapping/global_optimizer.hpp"
 
 namespace fdi_lio::mapping {
@@ -17,38 +16,38 @@ namespace fdi_lio::mapping {
 /// taken in the order in which they come, so that the result is that of the synchronous optimiser.
 class GlobalWorker {
  public:
-  explicit GlobalWorker(const Config& config);
-  ~GlobalWorker();
-  GlobalWorker(const GlobalWorker&) = delete;
-  GlobalWorker& operator=(const GlobalWorker&) = delete;
+  explicit GlobalWorker(const Config& config) : optimizer_(config, &reporter_) {}
 
   void add(Keyframe keyframe);
+
+  /// Adds a fix, which belongs to the keyframes about its stamp.
+  void add_fix(const GnssFix& fix);
+
+  /// Runs `job` in the thread, when everything that was added before is done; what is added meanwhile waits.
+  /// What the job throws comes out of the future, and std::future_error when the worker ends before.
+  std::future<void> run(std::function<void(const GlobalOptimizer&)> job);
 
   /// The newest correction that is known.
   Eigen::Isometry3d T_map_odom() const;
 
-  /// Keyframes that wait.
-  std::size_t backlog() const;
+  /// Keyframes and jobs that wait.
+  std::size_t backlog() const { return thread_.backlog(); }
 
-  /// What ended the thread before its time (a full disk); empty while all is well.
+  /// What stopped the map (a full disk); empty while all is well. What came before can still be saved.
   std::string error() const;
 
-  /// Waits until everything is done, and gives the optimiser. Nothing may be added afterwards.
+  /// Waits until everything is done, and gives the optimiser. What is added afterwards is not done.
   const GlobalOptimizer& finish();
 
  private:
-  void run();
+  void add_to_map(std::function<void()> action);
 
   Reporter reporter_;  ///< of the thread
   GlobalOptimizer optimizer_;
   mutable std::mutex mutex_;
-  std::condition_variable changed_;
-  std::deque<Keyframe> waiting_;
   Eigen::Isometry3d T_map_odom_ = Eigen::Isometry3d::Identity();
   std::string error_;
-  bool is_finishing_ = false;
-  bool is_abandoned_ = false;
-  std::thread thread_;  ///< last: it uses what is above
+  TaskThread thread_;  ///< last: it uses what is above
 };
 
 }  // namespace fdi_lio::mapping

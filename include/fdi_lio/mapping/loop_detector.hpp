@@ -32,6 +32,7 @@ class LoopDetector {
   std::vector<LoopProposal> propose(const std::vector<Eigen::Isometry3d>& poses, double sigma_m) const;
 
   double path_m(std::size_t keyframe) const { return paths_m_.at(keyframe); }
+  const PlaceDescriptor& place(std::size_t keyframe) const { return places_.at(keyframe); }
   std::size_t size() const { return places_.size(); }
 
  private:

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 #include "fdi_lio/common/time.hpp"
 #include "fdi_lio/mapping/pose_graph.hpp"
@@ -44,6 +45,8 @@ struct LoopCandidate {
   double intensity_correlation = 0.0;      ///< between the scan and the map
   double chi_square = 0.0;                 ///< deviation from the prediction, 6 degrees of freedom
   int weak_directions = 0;                 ///< that the registration does not determine
+  /// From the measured place to others that fit about as well, within the uncertainty of the prediction.
+  std::vector<Eigen::Vector3d> alternatives;
 };
 
 }  // namespace fdi_lio::mapping

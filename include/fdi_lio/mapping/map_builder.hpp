@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -23,10 +22,6 @@ class MapBuilder {
 
   /// One mean point a voxel, in `map`, in the order in which the voxels were first filled.
   std::vector<Point> points() const;
-
-  /// Writes a binary PCD (x y z intensity, float32) beside `path` and renames it, so that an earlier file
-  /// stays whole until the new one is. Throws Error when the file cannot be written.
-  void write_pcd(const std::string& path) const;
 
  private:
   struct Voxel {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -37,7 +39,31 @@ PlaceMatch compare_places(const PlaceDescriptor& a, const PlaceDescriptor& b);
 /// Distance of the rotation-invariant keys, for a first selection.
 double ring_key_distance(const PlaceDescriptor& a, const PlaceDescriptor& b);
 
+/// A place that may be the one that is looked for.
+struct AlikePlace {
+  std::size_t index = 0;
+  PlaceMatch match;
+};
+
+/// Which of `candidates` (indices in `places`) to look for.
+struct AlikeSearch {
+  double max_distance = 1.0;       ///< places that differ more are left out
+  std::size_t limit = 1;           ///< most places that are returned
+  std::size_t key_candidates = 1;  ///< so many with the nearest ring keys are compared column by column
+  /// Whether two places are the same revisit, of which the more alike one is enough.
+  std::function<bool(std::size_t, std::size_t)> is_same;
+};
+
+/// The places most like `query`, the best first.
+std::vector<AlikePlace> most_alike(const std::vector<PlaceDescriptor>& places,
+                                   const std::vector<std::size_t>& candidates, const PlaceDescriptor& query,
+                                   const AlikeSearch& search);
+
 /// The rotation without its heading: level frame <- IMU, x of the level frame below x of the IMU.
 Eigen::Matrix3d levelled(const Eigen::Matrix3d& R_odom_imu);
+
+/// Rotation imu_a <- imu_b of two upright IMUs whose places look the same when b is turned by `yaw_rad`.
+Eigen::Matrix3d rotation_between_places(const Eigen::Matrix3d& R_odom_imu_a, double yaw_rad,
+                                        const Eigen::Matrix3d& R_odom_imu_b);
 
 }  // namespace fdi_lio::mapping

@@ -11,6 +11,7 @@
 #include "fdi_lio/evaluation/stage_times.hpp"
 #include "fdi_lio/evaluation/trajectory_writer.hpp"
 #include "fdi_lio/mapping/global_optimizer.hpp"
+#include "fdi_lio/mapping/localiser.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
 
 namespace fdi_lio::pipeline {
@@ -31,6 +32,11 @@ class RunDirectory {
   /// loops.csv, and fixes.csv if there were any. Each is written under another name first and then renamed.
   void write_global(const mapping::GlobalOptimizer& global, double map_voxel_m) const;
 
+  /// In place of `write_global` when there was a session to localise in: trajectory.tum anew with `poses`,
+  /// which are in the session's map, and localisation.csv with every registration.
+  void write_localisation(const std::vector<evaluation::StampedPose>& poses,
+                          const std::vector<mapping::LocalisationResult>& registrations) const;
+
   /// timing.json: `wall_s` and `bag_s` are the seconds that passed and the seconds of data.
   void write_timing(const evaluation::StageTimes& times, double wall_s, double bag_s) const;
 
@@ -44,13 +50,8 @@ class RunDirectory {
   void write_degeneracy(const ScanOutput& output);
   void write_covariance(const mapping::EstimateResult& estimate);
   void write_directions(const mapping::EstimateResult& estimate);
-  void write_trajectory(const mapping::GlobalOptimizer& global) const;
+  void write_trajectory(const std::vector<evaluation::StampedPose>& poses) const;
   void write_fixes(const mapping::GlobalOptimizer& global) const;
-
-  struct StampedPose {
-    Stamp stamp;
-    Eigen::Isometry3d T_odom_imu;
-  };
 
   std::filesystem::path path_;
   evaluation::TrajectoryWriter trajectory_;
@@ -58,7 +59,7 @@ class RunDirectory {
   std::ofstream degeneracy_;
   std::ofstream covariance_;
   std::ofstream directions_;
-  std::vector<StampedPose> poses_;
+  std::vector<evaluation::StampedPose> poses_;  ///< T_odom_imu of every scan
 };
 
 }  // namespace fdi_lio::pipeline

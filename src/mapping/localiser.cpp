@@ -1,0 +1,467 @@
+#include "fdi_lio/mapping/localiser.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include "fdi_lio/mapping/loop_verifier.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
+
+namespace fdi_lio::mapping {
+
+namespace {
+
+constexpr double kDegree = M_PI / 180.0;
+/// The descriptor's place may be so far from the keyframe's.
+constexpr double kDescriptorSigmaM = 3.0;
+constexpr double kDescriptorSigmaRad = 4.0 * kDegree;
+/// Scans so far back that are registered together with the newest one.
+constexpr double kSourceLengthM = 5.0;
+constexpr std::size_t kSourceScans = 4;
+/// A scan that is nearer to the one before replaces it.
+constexpr double kNewScanM = 0.5;
+/// Places in the session that are nearer to each other are one candidate of the search.
+constexpr double kApartM = 5.0;
+/// Estimates that are nearer to each other are the same place.
+constexpr double kSamePlaceM = 1.0;
+constexpr double kSamePlaceRad = 5.0 * kDegree;
+/// What a registration can be off by without being wrong, besides its covariance.
+constexpr double kBaseSigmaM = 0.1;
+constexpr double kBaseSigmaRad = 0.5 * kDegree;
+/// A place is believed when it is known to this standard deviation.
+constexpr double kKnownSigmaM = 0.5;
+/// Or, where a pose was expected, to so many of its own: along a corridor the user's word may be all there
+/// is.
+constexpr double kGivenSigmas = 1.5;
+constexpr double kKnownSigmaRad = 2.0 * kDegree;
+/// Step of the headings about an expected one: what the search of a registration covers.
+constexpr double kHeadingStepRad = 0.3;
+/// A heading that is nearer to that of a hypothesis is not looked at again.
+constexpr double kSameLookRad = 12.0 * kDegree;
+/// How far a hypothesis is looked for about where it is: other places are hypotheses of their own.
+constexpr double kModeSigmaM = 0.5;
+/// What the search of a registration covers at most.
+constexpr double kMaxSigmaM = 2.7;
+/// Failed registrations in a row that end the hypothesis of a place.
+constexpr int kHypothesisFailures = 2;
+
+double largest_sigma(const Eigen::Matrix3d& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues()[2]));
+}
+
+}  // namespace
+
+const char* to_text(LocalisationState state) {
+  static constexpr const char* kTexts[] = {"searching", "confirming", "tracking", "lost"};
+  return kTexts[static_cast<int>(state)];
+}
+
+class Localiser::Implementation {
+ public:
+  Implementation(const Config& config, Session session, Reporter* reporter)
+      : config_(config),
+        reporter_(reporter),
+        session_(std::move(session), config.loop.cloud_memory_mb),
+        verifier_(config) {}
+
+  bool is_due(Stamp stamp, const Eigen::Isometry3d& T_odom_imu) const;
+  std::optional<LocalisationResult> add(const Keyframe& scan);
+  void reset();
+  void set_initial_pose(const InitialPose& pose) {
+    given_ = pose;
+    registered_at_.reset();
+  }
+  std::optional<Eigen::Isometry3d> T_map_odom() const {
+    if (!estimate_) return std::nullopt;
+    return estimate_->T_map_odom;
+  }
+  LocalisationState state() const { return state_; }
+  SessionMap& session() { return session_; }
+
+ private:
+  /// Where the odometry may be.
+  struct Estimate {
+    Eigen::Isometry3d T_map_odom = Eigen::Isometry3d::Identity();
+    Matrix6d covariance = Matrix6d::Zero();  ///< of T_map_imu at way_m
+    double way_m = 0.0;                      ///< of the odometry at the last registration
+  };
+  /// A place that may be the right one. Where several fit about as well, each is a hypothesis of its own.
+  struct Hypothesis {
+    Estimate estimate;
+    Stamp found_at = 0;
+    double found_at_m = 0.0;
+    Stamp confirmed_at = 0;
+    double confirmed_at_m = 0.0;
+    int confirmations = 0;
+    int failures = 0;
+    int registrations = 0;
+    double score = 0.0;          ///< sum of the shares of walls that fitted
+    double known_sigma_m = 0.0;  ///< to which it must be known to be believed
+
+    double mean_score() const { return registrations == 0 ? 0.0 : score / registrations; }
+  };
+  /// Where to look before places that look alike: the user's word, or from before the place was lost.
+  struct Expectation {
+    Eigen::Isometry3d T_map_odom;
+    double sigma_m;
+    double sigma_rad;
+    double way_m;
+    int tries;  ///< searches that look nowhere else
+  };
+  struct Recent {
+    Eigen::Isometry3d T_odom_imu;
+    double way_m;
+    std::shared_ptr<const KeyframeCloud> cloud;
+  };
+
+  void remember(const Keyframe& scan);
+  void expect(const InitialPose& pose);
+  Eigen::Isometry3d T_odom_imu() const { return recent_.back().T_odom_imu; }
+  std::vector<PlacedCloud> source() const;
+  Matrix6d predicted_covariance(const Estimate& estimate) const;
+  LoopCandidate register_at(const Eigen::Isometry3d& T_map_imu, double sigma_m, double sigma_rad);
+  LoopCandidate correct(Estimate* estimate, double max_sigma_m);
+  LoopCandidate track();
+  LoopCandidate search(Stamp stamp);
+  void check(Hypothesis* hypothesis, Stamp stamp, LoopCandidate* newest);
+  bool is_looked_at(const Eigen::Isometry3d& T_map_imu, double radius_m) const;
+  void look_at(const Eigen::Isometry3d& T_map_imu, double sigma_m, double sigma_rad, double known_sigma_m,
+               Stamp stamp, LoopCandidate* newest);
+  void look_where_expected(Stamp stamp, LoopCandidate* newest);
+  void look_where_alike(Stamp stamp, LoopCandidate* newest);
+  bool is_same_place(const Estimate& a, const Estimate& b) const;
+  void join_equal_hypotheses();
+  bool is_believable(const Hypothesis& hypothesis, Stamp stamp) const;
+  void decide(Stamp stamp);
+
+  Config config_;
+  Reporter* reporter_;
+  SessionMap session_;
+  LoopVerifier verifier_;
+  LocalisationState state_ = LocalisationState::kSearching;
+  std::optional<Estimate> estimate_;  ///< once found
+  std::vector<Hypothesis> hypotheses_;
+  std::optional<InitialPose> given_;
+  std::optional<Expectation> expectation_;
+  std::deque<Recent> recent_;
+  std::optional<Stamp> registered_at_;
+  double registered_at_m_ = 0.0;
+  int failures_ = 0;
+};
+
+void Localiser::Implementation::reset() {
+  state_ = LocalisationState::kSearching;
+  estimate_.reset();
+  hypotheses_.clear();
+  given_.reset();
+  expectation_.reset();
+  recent_.clear();
+  registered_at_.reset();
+  registered_at_m_ = 0.0;
+  failures_ = 0;
+}
+
+bool Localiser::Implementation::is_due(Stamp stamp, const Eigen::Isometry3d& T_odom_imu) const {
+  if (!registered_at_ || recent_.empty()) return true;
+  const double waited_s = seconds_between(*registered_at_, stamp);
+  if (state_ != LocalisationState::kTracking) return waited_s >= config_.localisation.search_period_s;
+  const double step_m = (T_odom_imu.translation() - recent_.back().T_odom_imu.translation()).norm();
+  return waited_s >= config_.localisation.period_s ||
+         recent_.back().way_m + step_m - registered_at_m_ >= config_.localisation.distance_m;
+}
+
+void Localiser::Implementation::expect(const InitialPose& pose) {
+  hypotheses_.clear();
+  estimate_.reset();
+  state_ = LocalisationState::kSearching;
+  Eigen::Isometry3d T_map_imu = Eigen::Isometry3d::Identity();
+  T_map_imu.linear() = Eigen::AngleAxisd(pose.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
+                       levelled(T_odom_imu().linear());
+  T_map_imu.translation() = Eigen::Vector3d(pose.x_m, pose.y_m, session_.height_at({pose.x_m, pose.y_m}));
+  expectation_ = Expectation{T_map_imu * T_odom_imu().inverse(), pose.sigma_m, pose.sigma_rad,
+                             recent_.back().way_m, config_.localisation.max_failures};
+}
+
+void Localiser::Implementation::remember(const Keyframe& scan) {
+  double way_m = 0.0;
+  if (!recent_.empty()) {
+    const double step_m = (scan.T_odom_imu.translation() - T_odom_imu().translation()).norm();
+    way_m = recent_.back().way_m + step_m;
+    const bool is_only = recent_.size() == 1;
+    if (!is_only && way_m - recent_[recent_.size() - 2].way_m < kNewScanM) recent_.pop_back();
+  }
+  recent_.push_back({scan.T_odom_imu, way_m, std::make_shared<const KeyframeCloud>(scan.cloud)});
+  while (way_m - recent_.front().way_m > kSourceLengthM) recent_.pop_front();
+}
+
+/// The newest scans, in the IMU frame of the newest.
+std::vector<PlacedCloud> Localiser::Implementation::source() const {
+  std::vector<PlacedCloud> placed;
+  const std::size_t taken = std::min(recent_.size(), kSourceScans);
+  for (std::size_t k = 0; k < taken; ++k) {
+    // The newest is always among them.
+    const Recent& each = recent_[recent_.size() - 1 - k * recent_.size() / taken];
+    placed.push_back({each.cloud, T_odom_imu().inverse() * each.T_odom_imu});
+  }
+  return placed;
+}
+
+/// The odometry's drift since the last registration makes an estimate less sure.
+Matrix6d Localiser::Implementation::predicted_covariance(const Estimate& estimate) const {
+  const double way_m = recent_.back().way_m - estimate.way_m;
+  const double turn = config_.loop.drift_rotation_deg_per_m * kDegree * way_m;
+  // What the heading is off by leads aside on the way.
+  const double aside = way_m * std::sqrt(estimate.covariance.topLeftCorner<3, 3>().trace());
+  return estimate.covariance +
+         isotropic(kBaseSigmaRad + turn, kBaseSigmaM + config_.loop.drift_share * way_m + aside);
+}
+
+/// Registers the newest scans with the session about `T_map_imu`. `measured` is the pose in map, `covariance`
+/// of it.
+LoopCandidate Localiser::Implementation::register_at(const Eigen::Isometry3d& T_map_imu, double sigma_m,
+                                                     double sigma_rad) {
+  const std::size_t center = session_.nearest(T_map_imu.translation());
+  const Eigen::Isometry3d& T_map_center = session_.T_map_imu(center);
+  const RegistrationStart start = {T_map_center.inverse() * T_map_imu, sigma_m, sigma_rad};
+  LoopCandidate candidate =
+      verifier_.verify(session_.submap(center, config_.localisation.submap_radius_m,
+                                       static_cast<std::size_t>(config_.loop.submap_keyframes)),
+                       source(), start);
+  Matrix6d to_map = Matrix6d::Identity();
+  to_map.bottomRightCorner<3, 3>() = T_map_center.linear();
+  candidate.covariance = to_map * candidate.covariance * to_map.transpose();
+  candidate.measured.T_from_to = T_map_center * candidate.measured.T_from_to;
+  for (Eigen::Vector3d& apart : candidate.alternatives) apart = T_map_center.linear() * apart;
+  return candidate;
+}
+
+/// Registers the newest scans where `estimate` puts them and corrects it: in each direction as far as the
+/// registration knows it. The verdict is kAccepted when it did. Looks no farther than for `max_sigma_m`.
+LoopCandidate Localiser::Implementation::correct(Estimate* estimate, double max_sigma_m) {
+  const Eigen::Isometry3d T_predicted = estimate->T_map_odom * T_odom_imu();
+  const Matrix6d P = predicted_covariance(*estimate);
+  LoopCandidate candidate =
+      register_at(T_predicted, std::min(largest_sigma(P.bottomRightCorner<3, 3>()), max_sigma_m),
+                  largest_sigma(P.topLeftCorner<3, 3>()));
+  if (candidate.verdict != LoopVerdict::kPending) return candidate;
+  const Vector6d error = difference(T_predicted, candidate.measured.T_from_to);
+  const Eigen::LDLT<Matrix6d> solver(P + candidate.covariance);
+  candidate.chi_square = error.dot(solver.solve(error));
+  if (candidate.chi_square > config_.loop.max_chi_square) {
+    candidate.verdict = LoopVerdict::kFarFromPrediction;
+    return candidate;
+  }
+  candidate.verdict = LoopVerdict::kAccepted;
+  const Matrix6d gain = solver.solve(P).transpose();
+  estimate->T_map_odom = moved(T_predicted, gain * error) * T_odom_imu().inverse();
+  estimate->covariance = P - gain * P;
+  estimate->covariance = 0.5 * (estimate->covariance + estimate->covariance.transpose()).eval();
+  estimate->way_m = recent_.back().way_m;
+  return candidate;
+}
+
+std::optional<LocalisationResult> Localiser::Implementation::add(const Keyframe& scan) {
+  const bool is_registered = is_due(scan.stamp, scan.T_odom_imu);
+  remember(scan);
+  if (!is_registered) return std::nullopt;
+  registered_at_ = scan.stamp;
+  registered_at_m_ = recent_.back().way_m;
+  if (given_) expect(*given_);
+  given_.reset();
+  LocalisationResult result;
+  result.registration = state_ == LocalisationState::kTracking ? track() : search(scan.stamp);
+  result.stamp = scan.stamp;
+  result.registration.stamp_to = scan.stamp;
+  result.state = state_;
+  result.failures = failures_;
+  if (estimate_) result.covariance = predicted_covariance(*estimate_);
+  return result;
+}
+
+LoopCandidate Localiser::Implementation::track() {
+  const LoopCandidate candidate = correct(&*estimate_, kMaxSigmaM);
+  failures_ = candidate.verdict == LoopVerdict::kAccepted ? 0 : failures_ + 1;
+  if (failures_ < config_.localisation.max_failures) return candidate;
+  state_ = LocalisationState::kLost;
+  reporter_->report(Severity::kWarning, "localisation_lost",
+                    "the place in the session is lost: the last registrations failed with " +
+                        std::string(to_text(candidate.verdict)));
+  const Matrix6d P = predicted_covariance(*estimate_);
+  expectation_ = Expectation{estimate_->T_map_odom, largest_sigma(P.bottomRightCorner<3, 3>()),
+                             largest_sigma(P.topLeftCorner<3, 3>()), recent_.back().way_m, 0};
+  return candidate;
+}
+
+/// Registers the scan with the hypotheses, and looks for more.
+LoopCandidate Localiser::Implementation::search(Stamp stamp) {
+  LoopCandidate newest;
+  newest.verdict = LoopVerdict::kLowOverlap;
+  for (Hypothesis& hypothesis : hypotheses_) check(&hypothesis, stamp, &newest);
+  hypotheses_.erase(
+      std::remove_if(hypotheses_.begin(), hypotheses_.end(),
+                     [](const Hypothesis& each) { return each.failures >= kHypothesisFailures; }),
+      hypotheses_.end());
+  look_where_expected(stamp, &newest);
+  const bool is_expected = expectation_ && expectation_->tries > 0;
+  if (is_expected) --expectation_->tries;
+  if (!is_expected) look_where_alike(stamp, &newest);
+  join_equal_hypotheses();
+  if (state_ != LocalisationState::kLost)
+    state_ = hypotheses_.empty() ? LocalisationState::kSearching : LocalisationState::kConfirming;
+  decide(stamp);
+  return newest;
+}
+
+/// Registers the scan where a hypothesis puts it. What moved (or waited) long enough confirms it once more.
+void Localiser::Implementation::check(Hypothesis* hypothesis, Stamp stamp, LoopCandidate* newest) {
+  const LoopCandidate candidate = correct(&hypothesis->estimate, kModeSigmaM);
+  if (candidate.wall_share >= newest->wall_share) *newest = candidate;
+  ++hypothesis->registrations;
+  if (candidate.verdict != LoopVerdict::kAccepted) {
+    ++hypothesis->failures;
+    return;
+  }
+  hypothesis->failures = 0;
+  hypothesis->score += candidate.wall_share;
+  const double share = 1.0 / config_.localisation.confirmations;
+  const bool is_new =
+      recent_.back().way_m - hypothesis->confirmed_at_m >= share * config_.localisation.confirm_distance_m ||
+      seconds_between(hypothesis->confirmed_at, stamp) >= share * config_.localisation.confirm_time_s;
+  if (!is_new) return;
+  ++hypothesis->confirmations;
+  hypothesis->confirmed_at = stamp;
+  hypothesis->confirmed_at_m = recent_.back().way_m;
+}
+
+/// Whether a hypothesis is there already.
+bool Localiser::Implementation::is_looked_at(const Eigen::Isometry3d& T_map_imu, double radius_m) const {
+  return std::any_of(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& each) {
+    const Vector6d apart = difference(each.estimate.T_map_odom * T_odom_imu(), T_map_imu);
+    return apart.tail<3>().norm() < radius_m && apart.head<3>().norm() < kSameLookRad;
+  });
+}
+
+/// Adds a hypothesis for each place about `T_map_imu` that the scan fits.
+void Localiser::Implementation::look_at(const Eigen::Isometry3d& T_map_imu, double sigma_m, double sigma_rad,
+                                        double known_sigma_m, Stamp stamp, LoopCandidate* newest) {
+  const LoopCandidate found = register_at(T_map_imu, sigma_m, sigma_rad);
+  if (found.wall_share >= newest->wall_share) *newest = found;
+  if (found.verdict != LoopVerdict::kPending) return;
+  std::vector<Eigen::Vector3d> shifts = found.alternatives;
+  shifts.insert(shifts.begin(), Eigen::Vector3d::Zero());
+  for (const Eigen::Vector3d& shift : shifts) {
+    Eigen::Isometry3d T_map_mode = found.measured.T_from_to;
+    T_map_mode.translation() += shift;
+    Hypothesis hypothesis;
+    hypothesis.estimate.T_map_odom = T_map_mode * T_odom_imu().inverse();
+    // As wide as the search: what this registration does not determine is not known.
+    hypothesis.estimate.covariance = isotropic(sigma_rad, sigma_m);
+    hypothesis.estimate.way_m = hypothesis.found_at_m = hypothesis.confirmed_at_m = recent_.back().way_m;
+    hypothesis.found_at = hypothesis.confirmed_at = stamp;
+    const LoopCandidate candidate = correct(&hypothesis.estimate, kModeSigmaM);
+    if (candidate.verdict != LoopVerdict::kAccepted) continue;
+    hypothesis.registrations = 1;
+    hypothesis.score = candidate.wall_share;
+    hypothesis.known_sigma_m = known_sigma_m;
+    hypotheses_.push_back(hypothesis);
+  }
+}
+
+void Localiser::Implementation::look_where_expected(Stamp stamp, LoopCandidate* newest) {
+  if (!expectation_) return;
+  const double way_m = recent_.back().way_m - expectation_->way_m;
+  const double sigma_m = std::min(expectation_->sigma_m + config_.loop.drift_share * way_m, kMaxSigmaM);
+  const int turns = static_cast<int>(std::ceil(2.0 * expectation_->sigma_rad / kHeadingStepRad - 0.5));
+  const Eigen::Isometry3d T_map_imu = expectation_->T_map_odom * T_odom_imu();
+  for (int turn = -turns; turn <= turns; ++turn) {
+    Eigen::Isometry3d T = T_map_imu;
+    T.linear() = Eigen::AngleAxisd(turn * kHeadingStepRad, Eigen::Vector3d::UnitZ()) * T_map_imu.linear();
+    if (!is_looked_at(T, 2.0 * sigma_m))
+      look_at(T, sigma_m, 0.5 * kHeadingStepRad, std::max(kKnownSigmaM, kGivenSigmas * sigma_m), stamp,
+              newest);
+  }
+}
+
+void Localiser::Implementation::look_where_alike(Stamp stamp, LoopCandidate* newest) {
+  const PlaceDescriptor place = session_.describe(recent_.back().cloud->surface, T_odom_imu().linear());
+  const auto limit = static_cast<std::size_t>(config_.localisation.search_candidates);
+  for (const AlikePlace& alike :
+       session_.alike(place, config_.loop.descriptor_max_distance, limit, kApartM)) {
+    Eigen::Isometry3d T_from_to = Eigen::Isometry3d::Identity();
+    T_from_to.linear() = session_.turned(alike.index, alike.match.yaw_rad, T_odom_imu().linear());
+    const Eigen::Isometry3d T_map_imu = session_.T_map_imu(alike.index) * T_from_to;
+    if (is_looked_at(T_map_imu, 2.0 * kDescriptorSigmaM)) continue;
+    look_at(T_map_imu, kDescriptorSigmaM, kDescriptorSigmaRad, kKnownSigmaM, stamp, newest);
+  }
+}
+
+bool Localiser::Implementation::is_same_place(const Estimate& a, const Estimate& b) const {
+  const Vector6d apart = difference(a.T_map_odom * T_odom_imu(), b.T_map_odom * T_odom_imu());
+  return apart.tail<3>().norm() < kSamePlaceM && apart.head<3>().norm() < kSamePlaceRad;
+}
+
+/// Of hypotheses that have become the same, the one with the most confirmations is kept.
+void Localiser::Implementation::join_equal_hypotheses() {
+  std::stable_sort(hypotheses_.begin(), hypotheses_.end(), [](const Hypothesis& a, const Hypothesis& b) {
+    return a.confirmations > b.confirmations;
+  });
+  std::vector<Hypothesis> kept;
+  for (const Hypothesis& each : hypotheses_) {
+    const bool is_known = std::any_of(kept.begin(), kept.end(), [&](const Hypothesis& other) {
+      return is_same_place(other.estimate, each.estimate);
+    });
+    if (!is_known) kept.push_back(each);
+  }
+  hypotheses_ = kept;
+}
+
+/// Enough registrations agree over enough way or time, and every direction is known.
+bool Localiser::Implementation::is_believable(const Hypothesis& hypothesis, Stamp stamp) const {
+  if (hypothesis.confirmations < config_.localisation.confirmations || hypothesis.failures > 0) return false;
+  const bool is_long =
+      recent_.back().way_m - hypothesis.found_at_m >= config_.localisation.confirm_distance_m ||
+      seconds_between(hypothesis.found_at, stamp) >= config_.localisation.confirm_time_s;
+  const Matrix6d& covariance = hypothesis.estimate.covariance;
+  return is_long && largest_sigma(covariance.bottomRightCorner<3, 3>()) < hypothesis.known_sigma_m &&
+         largest_sigma(covariance.topLeftCorner<3, 3>()) < kKnownSigmaRad;
+}
+
+/// Believes the best hypothesis when no other place fits nearly as well.
+void Localiser::Implementation::decide(Stamp stamp) {
+  const auto best = std::max_element(
+      hypotheses_.begin(), hypotheses_.end(),
+      [](const Hypothesis& a, const Hypothesis& b) { return a.mean_score() < b.mean_score(); });
+  if (best == hypotheses_.end() || !is_believable(*best, stamp)) return;
+  const bool is_unique = std::none_of(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& other) {
+    return &other != &*best && other.mean_score() > config_.loop.ambiguity * best->mean_score();
+  });
+  if (!is_unique) return;
+  estimate_ = best->estimate;
+  hypotheses_.clear();
+  expectation_.reset();
+  failures_ = 0;
+  state_ = LocalisationState::kTracking;
+  reporter_->report(Severity::kInfo, "localisation_found", "the place in the session is found");
+}
+
+Localiser::Localiser(const Config& config, Session session, Reporter* reporter)
+    : implementation_(std::make_unique<Implementation>(config, std::move(session), reporter)) {}
+Localiser::~Localiser() = default;
+
+bool Localiser::is_due(Stamp stamp, const Eigen::Isometry3d& T_odom_imu) const {
+  return implementation_->is_due(stamp, T_odom_imu);
+}
+std::optional<LocalisationResult> Localiser::add(const Keyframe& scan) { return implementation_->add(scan); }
+void Localiser::set_initial_pose(const InitialPose& pose) { implementation_->set_initial_pose(pose); }
+std::optional<Eigen::Isometry3d> Localiser::T_map_odom() const { return implementation_->T_map_odom(); }
+LocalisationState Localiser::state() const { return implementation_->state(); }
+void Localiser::reset() { implementation_->reset(); }
+SessionMap& Localiser::session() { return implementation_->session(); }
+
+}  // namespace fdi_lio::mapping
