@@ -32,7 +32,7 @@ constexpr int kStartSpeeds = 12;
 constexpr int kStartDirections = 24;
 constexpr std::size_t kStartPoints = 2000;
 /// Share of the points that must fit better before a motion is believed rather than the prediction.
-constexpr double kStartGain = 0.02;
+constexpr double kStartGain = 0.1;
 /// A pose needs this many matches to be trusted at all.
 constexpr std::size_t kMinMatches = 30;
 constexpr double kMapTrimDistance = 10.0;
@@ -256,9 +256,11 @@ void Estimator::Implementation::add_directions(const MatchInput& input, const im
   result->status.localizability = geometric.probability;
   result->axis_information = geometric.information;
   result->axis_noise = geometric.noise_information;
+  remove_bias(geometric, information);
   if (!input.textures.empty()) {
-    const LidarInformation textures =
+    LidarInformation textures =
         matcher_.linearise_textures(input, texture_map_, at.q_odom_imu, at.t_odom_imu, settings);
+    remove_bias(analyse_localizability(textures, margin), &textures);
     add_in_weak_directions(geometric, textures, information);
   }
   if (config_.mapping.use_localizability) soften(analyse_localizability(*information, margin), information);

@@ -14,6 +14,8 @@ namespace {
 
 constexpr double kLeastRadius = 0.1;  ///< of the features about their centroid [m]: keeps the scaling regular
 
+constexpr double kMostOfSlope = 0.9;  ///< that a correction of the gradient may take away
+
 /// ds / d[dtheta, dt].
 Matrix6d scaling(const LidarInformation& information) {
   Matrix6d S = Matrix6d::Zero();
@@ -53,6 +55,18 @@ Localizability analyse_localizability(const LidarInformation& information, doubl
         variance > 0.0 ? normal_distribution((h - noise) / std::sqrt(variance)) : (h > 0.0 ? 1.0 : 0.0);
   }
   return result;
+}
+
+void remove_bias(const Localizability& localizability, LidarInformation* information) {
+  Vector6d factor = Vector6d::Ones();
+  for (int k = 0; k < 6; ++k) {
+    const double h = kMostOfSlope * localizability.information[k];
+    if (localizability.noise_information[k] > h) factor[k] = h / localizability.noise_information[k];
+  }
+  const Matrix6d S = scaling(*information);
+  information->b -= S.transpose() * localizability.axes * factor.asDiagonal() *
+                    localizability.axes.transpose() * S.inverse().transpose() * information->bias;
+  information->bias.setZero();
 }
 
 void add_in_weak_directions(const Localizability& localizability, const LidarInformation& further,

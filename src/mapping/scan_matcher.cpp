@@ -15,6 +15,7 @@ struct Sum {
   Matrix6d H = Matrix6d::Zero();
   Matrix6d noise = Matrix6d::Zero();  ///< that the errors of the Jacobians add to H
   Vector6d b = Vector6d::Zero();
+  Vector6d bias = Vector6d::Zero();  ///< that the errors of the Jacobians give b on the average
   Eigen::Vector3d first_moment = Eigen::Vector3d::Zero();  ///< of the features, body frame
   double second_moment = 0.0;
   double fit = 0.0;
@@ -25,6 +26,7 @@ struct Sum {
     H += other.H;
     noise += other.noise;
     b += other.b;
+    bias += other.bias;
     first_moment += other.first_moment;
     second_moment += other.second_moment;
     fit += other.fit;
@@ -139,10 +141,7 @@ void Residuals::add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residu
     const double slope = residual.slope_variance / cell.variances[axis];
     const Vector6d error = jacobian(p_imu, cell.axes.col(axis));
     sum->noise.noalias() += information * slope * error * error.transpose();
-    // The gradient's error is in r = gradient . offset, too, so that the mean of J r is off by slope *
-    // offset: points of a scan, which lie ahead of those that the cell knows, would be pulled back (errors in
-    // variables).
-    sum->b.noalias() -= information * slope * cell.axes.col(axis).dot(offset) * error;
+    sum->bias.noalias() += information * slope * cell.axes.col(axis).dot(offset) * error;
   }
   sum->first_moment += p_imu;
   sum->second_moment += p_imu.squaredNorm();
@@ -195,6 +194,7 @@ LidarInformation Residuals::finish(const Eigen::Quaterniond& q_odom_imu, const S
   // Neighbouring residuals share the errors of the map and of the beam calibration.
   information.H = sum.H / mapping_.correlation_factor;
   information.b = sum.b / mapping_.correlation_factor;
+  information.bias = sum.bias / mapping_.correlation_factor;
   information.noise_information = sum.noise / mapping_.correlation_factor;
   information.fit = sum.fit;
   information.squared_error = sum.squared_error;

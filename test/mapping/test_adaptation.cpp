@@ -63,6 +63,7 @@ TEST(Adaptation, VoxelIsLargerInStructuredAndSmallerInDegradedSurroundings) {
   MappingConfig base;
   base.feature_voxel_m = 0.4;
   AdaptationConfig config;
+  config.voxel = true;
   config.voxel_gain = 0.25;
   EXPECT_NEAR(adapt(config, base, state(0.0)).feature_voxel_m, 0.5, 1e-12);
   EXPECT_NEAR(adapt(config, base, state(0.5)).feature_voxel_m, 0.4, 1e-12);
@@ -73,6 +74,7 @@ TEST(Adaptation, IterationsFollowTheIndex) {
   MappingConfig base;
   base.base_iterations = 4;
   AdaptationConfig config;
+  config.iterations = true;
   config.iterations_gain = 0.5;
   EXPECT_EQ(adapt(config, base, state(0.0)).iterations, 4);
   EXPECT_EQ(adapt(config, base, state(0.5)).iterations, 5);
@@ -86,6 +88,7 @@ TEST(Adaptation, PlanesWeighMoreInStructuredEdgesInSparseSurroundings) {
   base.plane_weight = 2.0;
   base.edge_weight = 0.1;
   AdaptationConfig config;
+  config.weights = true;
   config.plane_gain = 0.5;
   config.edge_gain = 3.0;
   const auto structured = adapt(config, base, state(0.5, EnvironmentClass::kStructured));
@@ -102,6 +105,7 @@ TEST(Adaptation, PlanesWeighMoreInStructuredEdgesInSparseSurroundings) {
 
 TEST(Adaptation, NoiseGrowsWithTheIndex) {
   AdaptationConfig config;
+  config.noise = true;
   config.noise_gain = 3.0;
   EXPECT_DOUBLE_EQ(adapt(config, MappingConfig(), state(0.0)).noise_scale, 1.0);
   EXPECT_DOUBLE_EQ(adapt(config, MappingConfig(), state(0.5)).noise_scale, 2.5);
@@ -112,6 +116,7 @@ TEST(Adaptation, KeyframesGetDenserWithTheIndex) {
   MappingConfig base;
   base.keyframe_distance_m = 2.0;
   AdaptationConfig config;
+  config.keyframes = true;
   config.keyframe_decay = std::log(4.0);
   config.keyframe_gain = 0.5;
   config.keyframe_least_distance_m = 0.1;

@@ -59,7 +59,7 @@ struct Sampling {
   double noise_m = 0.01;
 };
 
-constexpr double kMargin = 2.0;  // the default
+constexpr double kMargin = 3.0;  // the default
 
 /// Localizability of the sensor at the place's origin, turned by `yaw` against it.
 Localizability at_origin(const Surface& surface, const Sampling& sampling, double yaw_rad) {

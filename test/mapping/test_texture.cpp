@@ -197,7 +197,7 @@ TEST(Texture, CostHasTheNumericDerivatives) {
     const double variance = jacobian.squaredNorm() / information.H.trace();
     EXPECT_LT((information.H - jacobian * jacobian.transpose() / variance).norm(),
               1e-6 * information.H.norm());
-    // The mean of J r that the regression's error of the gradient makes is taken out.
+    // The mean of J r that the regression's error of the gradient makes.
     Vector6d bias = Vector6d::Zero();
     Matrix6d noise = Matrix6d::Zero();
     for (int axis = 1; axis < 3; ++axis) {
@@ -206,7 +206,8 @@ TEST(Texture, CostHasTheNumericDerivatives) {
       bias += slope * a.dot(offset) * along(a);
       noise += slope * along(a) * along(a).transpose();
     }
-    EXPECT_LT((information.b - (r * jacobian - bias) / variance).norm(), 1e-6 * information.b.norm());
+    EXPECT_LT((information.b - r * jacobian / variance).norm(), 1e-6 * information.b.norm());
+    EXPECT_LT((information.bias - bias / variance).norm(), 1e-6 * bias.norm() / variance);
     EXPECT_LT((information.noise_information - noise / variance).norm(), 1e-6 * noise.norm() / variance);
     // Spread of the cell, and the point's own position error times the gradient: at least the range noise.
     EXPECT_GT(variance, cell->intensity_variance);

@@ -163,7 +163,7 @@ TEST_F(Conversions, StatusAndStateKeepEveryBit) {
   EXPECT_EQ(status.axes, estimate.status.axes);
   EXPECT_EQ(status.localizability, estimate.status.localizability);
   EXPECT_EQ(status.residual_rms_m, estimate.status.residual_rms_m);
-  EXPECT_EQ(status.position_sigma_m, degeneracy::weakest_position_sigma_m(estimate.covariance));
+  EXPECT_EQ(status.position_sigma_m, degeneracy::weakest_position_sigma_m(estimate.map_covariance));
   EXPECT_EQ(status.iterations, 3U);
   EXPECT_EQ(status.matched, 4U);
   const EstimatorStatePtr message = to_state_message(estimate, kStamp + 5, "odom", "imu");

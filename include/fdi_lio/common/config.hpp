@@ -126,7 +126,7 @@ struct MappingConfig {
   double intensity_weight = 0.2;
   double intensity_voxel_m = 0.2;
   bool use_localizability = false;
-  double localizability_margin = 2.0;
+  double localizability_margin = 3.0;
   double drift_share = 1.0;
   bool calibrate_beams = true;
   double beam_range_sigma_m = 0.02;

@@ -33,6 +33,11 @@ Localizability analyse_localizability(const LidarInformation& information, doubl
 /// probability 1 keep their information.
 void soften(const Localizability& localizability, LidarInformation* information);
 
+/// Takes the bias out of the gradient. The bias changes with the pose by `noise_information`, so that the
+/// slope of what is left is h_k - f_k e_k along axis k: f_k = min(1, 0.9 h_k / e_k) keeps it positive where
+/// the errors are smaller than they are taken for.
+void remove_bias(const Localizability& localizability, LidarInformation* information);
+
 /// Adds residuals of another kind where the first leave a direction open: their information and gradient are
 /// projected with P = sum_k (1 - p_k) u_k u_k' in s. Textures know where one is along a smooth wall, but
 /// their errors are larger and less independent than those of geometry: where geometry is sure, they are left

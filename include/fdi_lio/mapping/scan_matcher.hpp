@@ -35,8 +35,11 @@ struct LidarInformation {
   /// any real constraint: sum over the residuals of their Jacobian's covariance over their variance.
   Matrix6d noise_information = Matrix6d::Zero();
   double squared_error = 0.0;  ///< sum of squared plane and line distances [m^2]
-  double fit = 0.0;            ///< sum of the robust weights, each in [0, 1]
-  double independent = 0.0;    ///< residuals, less those that share their errors with others
+  /// What the same errors, which are in the residuals too, give b on the average (errors in variables):
+  /// points of a scan, which lie ahead of those that a cell knows, would be pulled back.
+  Vector6d bias = Vector6d::Zero();
+  double fit = 0.0;          ///< sum of the robust weights, each in [0, 1]
+  double independent = 0.0;  ///< residuals, less those that share their errors with others
   Eigen::Vector3d centroid_imu = Eigen::Vector3d::Zero();  ///< of the matched features
   double radius_m = 0.0;                                   ///< their root mean square distance from it
   std::size_t planes = 0;
