@@ -72,6 +72,7 @@ void DegeneracyEstimator::add_knowledge(const DeskewedScan& scan,
   // The plain criterion also hits static silhouettes: what it removes says nothing of movement.
   metrics->has_moving_share = config_.dynamic.mode == "full";
   const std::size_t total = scan.points.size() + scan.removed.size();
+  metrics->points = static_cast<std::uint32_t>(total);
   if (metrics->has_moving_share && total > 0)
     metrics->moving_share = static_cast<double>(scan.removed.size()) / static_cast<double>(total);
   if (status && std::isfinite(status->position_sigma_m))

@@ -74,6 +74,7 @@ DegeneracyPtr to_message(const degeneracy::Degeneracy& degeneracy, const std::st
   message->has_gradient = degeneracy.metrics.has_gradient;
   message->gradient_mean = degeneracy.metrics.gradient_mean;
   message->gradient_variation = degeneracy.metrics.gradient_variation;
+  message->points = degeneracy.metrics.points;
   message->has_moving_share = degeneracy.metrics.has_moving_share;
   message->moving_share = degeneracy.metrics.moving_share;
   message->position_sigma = degeneracy.metrics.position_sigma_m;
@@ -98,6 +99,7 @@ degeneracy::Degeneracy to_degeneracy(const Degeneracy& message) {
   degeneracy.metrics.has_gradient = message.has_gradient != 0;
   degeneracy.metrics.gradient_mean = message.gradient_mean;
   degeneracy.metrics.gradient_variation = message.gradient_variation;
+  degeneracy.metrics.points = message.points;
   degeneracy.metrics.has_moving_share = message.has_moving_share != 0;
   degeneracy.metrics.moving_share = message.moving_share;
   degeneracy.metrics.position_sigma_m = message.position_sigma;

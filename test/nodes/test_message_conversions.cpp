@@ -114,8 +114,8 @@ TEST_F(Conversions, DegeneracyKeepsEveryBit) {
   degeneracy.fdi = number();
   degeneracy.sub_factors = {number(), number(), number()};
   degeneracy.weights = {number(), number(), number()};
-  degeneracy.metrics = {number(), number(), number(), number(), true,
-                        number(), number(), true,     number(), number()};
+  degeneracy.metrics = {number(), number(), number(), number(), true,    number(),
+                        number(), 7U,       true,     number(), number()};
   degeneracy.environment = degeneracy::EnvironmentClass::kMixed;
   randomise(&degeneracy.axes);
   randomise(&degeneracy.localizability);
@@ -133,6 +133,7 @@ TEST_F(Conversions, DegeneracyKeepsEveryBit) {
   EXPECT_EQ(back.metrics.gradient_variation, degeneracy.metrics.gradient_variation);
   EXPECT_EQ(back.metrics.has_moving_share, degeneracy.metrics.has_moving_share);
   EXPECT_EQ(back.metrics.moving_share, degeneracy.metrics.moving_share);
+  EXPECT_EQ(back.metrics.points, degeneracy.metrics.points);
   EXPECT_EQ(back.metrics.position_sigma_m, degeneracy.metrics.position_sigma_m);
   EXPECT_EQ(back.environment, degeneracy.environment);
   EXPECT_EQ(back.axes, degeneracy.axes);

@@ -22,6 +22,7 @@ struct Metrics {
   bool has_gradient = false;        ///< false: the scan has no intensity gradient, the next two say nothing
   double gradient_mean = 0.0;       ///< mean intensity gradient over the scan's robust maximum, [0, 1]
   double gradient_variation = 0.0;  ///< coefficient of variation of the intensity gradient
+  std::uint32_t points = 0;         ///< of the scan, those removed as moving included
   bool has_moving_share = false;    ///< false: moving points are not looked for, the next one says nothing
   double moving_share = 0.0;        ///< share of the points that earlier scans prove to be moving, [0, 1]
   double position_sigma_m = 0.0;    ///< of the weakest direction of the scan before, by mapping; 0: unknown
