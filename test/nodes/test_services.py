@@ -80,7 +80,12 @@ class Services(Recording):
         self.assertTrue(tum["success"] and kitti["success"], (tum, kitti))
         self.assertRegex(kitti["path"], r"way_\d{8}_\d{6}\.tum$")
         launch.stop()
-        self.expect_same_as_offline("saving")
+        # The last scan waits for IMU readings after it, which a recording that ended has not.
+        for file in ("odometry.tum", "degeneracy.csv", "covariance.csv"):
+            alone = (self.path / "offline" / file).read_text(encoding="utf-8").splitlines()
+            saving = (self.path / "saving" / file).read_text(encoding="utf-8").splitlines()
+            self.assertGreaterEqual(len(saving), len(alone) - 1)
+            self.assertEqual(saving, alone[:len(saving)], file)
         self.assertEqual(files, {str(file.relative_to(target)): file.stat().st_mtime_ns for file in target.rglob("*")})
         for name in ("map.ply", "map_planes.ply", "map_edges.ply", "trajectory.tum", "trajectory_kitti.txt", "graph.g2o",
                      "places.bin", "keyframes/000000.pcd"):
