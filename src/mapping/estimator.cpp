@@ -2,21 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <unordered_set>
 #include <utility>
-
-#include <Eigen/Eigenvalues>
 
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/imu/initialisation.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/mapping/adaptation.hpp"
-#include "fdi_lio/mapping/beam_calibration.hpp"
+#include "fdi_lio/mapping/beam_correction.hpp"
+#include "fdi_lio/mapping/local_map.hpp"
 #include "fdi_lio/mapping/localizability.hpp"
 #include "fdi_lio/mapping/map_drift.hpp"
+#include "fdi_lio/mapping/match_input.hpp"
 #include "fdi_lio/mapping/scan_matcher.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
-#include "fdi_lio/mapping/voxel_map.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -35,64 +33,8 @@ constexpr std::size_t kStartPoints = 2000;
 constexpr double kStartGain = 0.1;
 /// A pose needs this many matches to be trusted at all.
 constexpr std::size_t kMinMatches = 30;
-constexpr double kMapTrimDistance = 10.0;
 constexpr double kMaxStaticSpeed = 0.1;
-/// A scan enters the map when the sensor has moved so far, or is one of the first: standing still, the beams
-/// hit the same spots again and again, and cells would fill up knowing nothing but these.
-constexpr double kInsertDistance = 0.05;  ///< [m]
-constexpr double kInsertAngle = 0.01;     ///< [rad]
-constexpr int kFirstInserted = 10;
 constexpr double kRestAccelerationSigma = 0.01;  ///< of the mean over the static duration [m/s^2]
-constexpr std::size_t kBeamSamples = 4000;       ///< points of a scan that beam errors are learned from
-constexpr std::uint32_t kBeamScans = 5;          ///< that a plane must have been seen by before it teaches
-
-VoxelMapConfig map_config(const MappingConfig& mapping, double voxel_m, double max_thickness_m) {
-  VoxelMapConfig config;
-  config.voxel_size_m = voxel_m;
-  config.min_points = static_cast<std::uint32_t>(mapping.plane_min_points);
-  config.max_points = static_cast<std::uint32_t>(mapping.max_points_per_voxel);
-  config.max_thickness_m = max_thickness_m;
-  return config;
-}
-
-BeamCalibrationConfig beam_config(const MappingConfig& mapping) {
-  BeamCalibrationConfig config;
-  config.range_sigma_m = mapping.beam_range_sigma_m;
-  config.angle_sigma_rad = mapping.beam_elevation_sigma_deg * M_PI / 180.0;
-  config.correlation_factor = mapping.correlation_factor;
-  return config;
-}
-
-VoxelMapConfig texture_map_config(const MappingConfig& mapping) {
-  VoxelMapConfig config = map_config(mapping, mapping.intensity_voxel_m, mapping.plane_max_thickness_m);
-  config.with_texture = true;
-  return config;
-}
-
-/// The first point of each voxel, in the order of the input.
-std::vector<Eigen::Vector3d> downsample(const std::vector<Eigen::Vector3d>& points, double voxel_m) {
-  std::vector<Eigen::Vector3d> kept;
-  std::unordered_set<std::uint64_t> seen;
-  seen.reserve(points.size());
-  for (const Eigen::Vector3d& point : points) {
-    std::uint64_t key = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto cell = static_cast<std::int64_t>(std::floor(point[axis] / voxel_m));
-      key = (key << 21) | (static_cast<std::uint64_t>(cell) & 0x1fffff);
-    }
-    if (seen.insert(key).second) kept.push_back(point);
-  }
-  return kept;
-}
-
-/// Every k-th point, so that at most `limit` stay.
-std::vector<Eigen::Vector3d> thin_out(const std::vector<Eigen::Vector3d>& points, std::size_t limit) {
-  if (points.size() <= limit) return points;
-  std::vector<Eigen::Vector3d> kept;
-  kept.reserve(limit);
-  for (std::size_t k = 0; k < limit; ++k) kept.push_back(points[k * points.size() / limit]);
-  return kept;
-}
 
 }  // namespace
 
@@ -104,13 +46,9 @@ class Estimator::Implementation {
         T_imu_lidar_(config.sensor.T_imu_lidar()),
         matcher_(config),
         smoother_(config.mapping.window_size, config.sensor.gravity_mps2),
-        plane_map_(
-            map_config(config.mapping, config.mapping.map_voxel_m, config.mapping.plane_max_thickness_m)),
-        edge_map_(
-            map_config(config.mapping, config.mapping.map_voxel_m, config.mapping.line_max_thickness_m)),
-        texture_map_(texture_map_config(config.mapping)),
+        map_(config.mapping),
         drift_(config.mapping.drift_share),
-        beams_(beam_config(config.mapping)) {}
+        beams_(config) {}
 
   std::optional<EstimateResult> add(const FeatureSet& measured, const degeneracy::Degeneracy& degeneracy,
                                     const std::optional<imu::Preintegration>& imu);
@@ -122,8 +60,8 @@ class Estimator::Implementation {
     return smoother_.newest();
   }
 
-  std::vector<Point> local_map() const;
-  std::size_t map_voxel_count() const { return plane_map_.cell_count() + edge_map_.cell_count(); }
+  std::vector<Point> local_map() const { return map_.points(); }
+  std::size_t map_voxel_count() const { return map_.cell_count(); }
 
  private:
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
@@ -135,59 +73,24 @@ class Estimator::Implementation {
   void try_static_start(const imu::Preintegration& imu);
   void try_moving_start(const imu::Preintegration& imu);
   void adopt_imu(imu::NavState state, const Smoother::InitialSigma& sigma);
-  FeatureSet without_beam_errors(const FeatureSet& features) const;
-  void learn_beam_errors(const FeatureSet& features);
-  Eigen::Vector3d beam_of(const Point& point, const Eigen::Vector3d& v_lidar) const;
-  Eigen::Vector3d v_lidar() const;
-  void insert(const FeatureSet& features);
-  bool has_moved_on() const;
   bool decide_keyframe();
-  MatchInput match_input(const FeatureSet& features) const;
-  std::vector<Eigen::Vector3d> to_body(const std::vector<Point>& points) const;
 
   Config config_;
   Reporter* reporter_;
   Eigen::Isometry3d T_imu_lidar_;
   ScanMatcher matcher_;
   Smoother smoother_;
-  VoxelMap plane_map_;
-  VoxelMap edge_map_;
-  VoxelMap texture_map_;
+  LocalMap map_;
   MapDrift drift_;
-  BeamCalibration beams_;
+  BeamCorrection beams_;
   AdaptedSettings adapted_;
   int scan_count_ = 0;
   std::optional<imu::NavState> resumed_;
   imu::NavState before_;  ///< estimate of the scan before
   imu::NavState alignment_start_;
   std::vector<imu::AlignmentInterval> alignment_;
-  Eigen::Isometry3d T_odom_inserted_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_odom_keyframe_ = Eigen::Isometry3d::Identity();
-  Eigen::Vector3d trimmed_at_ = Eigen::Vector3d::Zero();
 };
-
-std::vector<Eigen::Vector3d> Estimator::Implementation::to_body(const std::vector<Point>& points) const {
-  std::vector<Eigen::Vector3d> body;
-  body.reserve(points.size());
-  for (const Point& point : points) body.push_back(T_imu_lidar_ * point.position.cast<double>());
-  return body;
-}
-
-MatchInput Estimator::Implementation::match_input(const FeatureSet& features) const {
-  MatchInput input;
-  const std::size_t limit = static_cast<std::size_t>(config_.mapping.max_planes_matched);
-  input.planes = thin_out(downsample(to_body(features.planes), adapted_.feature_voxel_m), limit);
-  if (config_.mapping.use_edges) {
-    input.edges = downsample(to_body(features.edges), 0.5 * adapted_.feature_voxel_m);
-  }
-  if (config_.mapping.use_intensity) {
-    input.textures = to_body(features.intensity_edges);
-    input.levels.reserve(features.intensity_edges.size());
-    for (const Point& point : features.intensity_edges) input.levels.push_back(point.intensity);
-  }
-  input.origin = T_imu_lidar_.translation();
-  return input;
-}
 
 void Estimator::Implementation::start(const FeatureSet& features,
                                       const std::optional<imu::Preintegration>& imu) {
@@ -259,7 +162,7 @@ void Estimator::Implementation::add_directions(const MatchInput& input, const im
   remove_bias(geometric, information);
   if (!input.textures.empty()) {
     LidarInformation textures =
-        matcher_.linearise_textures(input, texture_map_, at.q_odom_imu, at.t_odom_imu, settings);
+        matcher_.linearise_textures(input, map_.textures(), at.q_odom_imu, at.t_odom_imu, settings);
     remove_bias(analyse_localizability(textures, margin), &textures);
     add_in_weak_directions(geometric, textures, information);
   }
@@ -278,7 +181,7 @@ Eigen::Vector3d Estimator::Implementation::search_start_motion(const MatchInput&
   MatchSettings settings;
   settings.max_residual_m = config_.mapping.max_residual_m;
   const auto score = [&](const Eigen::Vector3d& t) {
-    return matcher_.linearise(few, plane_map_, edge_map_, predicted.q_odom_imu, t, settings).fit;
+    return matcher_.linearise(few, map_.planes(), map_.edges(), predicted.q_odom_imu, t, settings).fit;
   };
   const double points = static_cast<double>(few.planes.size() + few.edges.size());
   const double dt = seconds_between(before_.stamp, predicted.stamp);
@@ -318,8 +221,8 @@ LidarInformation Estimator::Implementation::optimise(const MatchInput& input, Es
         is_start ? std::max(config_.mapping.max_residual_m, kStartMaxResidual * (1.0 - progress))
                  : config_.mapping.max_residual_m;
     if (!is_start && iteration > 0) settings.max_deviation = config_.mapping.max_deviation;
-    information =
-        matcher_.linearise(input, plane_map_, edge_map_, current.q_odom_imu, current.t_odom_imu, settings);
+    information = matcher_.linearise(input, map_.planes(), map_.edges(), current.q_odom_imu,
+                                     current.t_odom_imu, settings);
     add_directions(input, current, settings, &information, result);
     result->status.iterations = static_cast<std::uint32_t>(iteration + 1);
     if (information.planes + information.edges < kMinMatches) {
@@ -401,84 +304,6 @@ void Estimator::Implementation::try_moving_start(const imu::Preintegration& imu)
   reporter_->report(Severity::kInfo, "imu_moving", "IMU initialised in motion");
 }
 
-/// Velocity of the lidar in its own axes.
-Eigen::Vector3d Estimator::Implementation::v_lidar() const {
-  const imu::NavState& newest = smoother_.newest();
-  const Eigen::Vector3d v_imu = newest.q_odom_imu.conjugate() * newest.v_odom;
-  return T_imu_lidar_.linear().transpose() * (v_imu + newest.w_imu.cross(T_imu_lidar_.translation()));
-}
-
-/// The point relative to where the sensor was when it fired; the turn of the sensor since then, some degrees,
-/// is left out.
-Eigen::Vector3d Estimator::Implementation::beam_of(const Point& point, const Eigen::Vector3d& v_lidar) const {
-  return point.position.cast<double>() - static_cast<double>(point.time_s) * v_lidar;
-}
-
-FeatureSet Estimator::Implementation::without_beam_errors(const FeatureSet& features) const {
-  FeatureSet corrected = features;
-  const Eigen::Vector3d velocity = v_lidar();
-  for (std::vector<Point>* points : {&corrected.planes, &corrected.edges, &corrected.intensity_edges}) {
-    for (Point& point : *points) {
-      point.position += beams_.correction(point.ring, beam_of(point, velocity)).cast<float>();
-    }
-  }
-  return corrected;
-}
-
-/// From the planes of a scan that has found its place, and only those that many scans have smoothed.
-void Estimator::Implementation::learn_beam_errors(const FeatureSet& features) {
-  const imu::NavState& newest = smoother_.newest();
-  const Eigen::Isometry3d T_odom_lidar = newest.T_odom_imu() * T_imu_lidar_;
-  const Eigen::Vector3d velocity = v_lidar();
-  const double range_variance = std::pow(config_.sensor.range_noise_m, 2);
-  const std::size_t stride = 1 + features.planes.size() / kBeamSamples;
-  for (std::size_t k = 0; k < features.planes.size(); k += stride) {
-    const Point& point = features.planes[k];
-    const Eigen::Vector3d p_odom = T_odom_lidar * point.position.cast<double>();
-    const Cell* cell = plane_map_.find_plane(p_odom, false);
-    if (cell == nullptr || cell->scans < kBeamScans) continue;
-    const Eigen::Vector3d normal = cell->axes.col(0);
-    const double residual = normal.dot(p_odom - cell->mean);
-    const double variance = range_variance + cell->variances[0];
-    if (residual * residual > 9.0 * variance) continue;
-    beams_.observe(point.ring, beam_of(point, velocity), T_odom_lidar.linear().transpose() * normal, residual,
-                   variance);
-  }
-  beams_.update();
-}
-
-void Estimator::Implementation::insert(const FeatureSet& features) {
-  const imu::NavState& newest = smoother_.newest();
-  T_odom_inserted_ = newest.T_odom_imu();
-  const Eigen::Isometry3d T_odom_lidar = T_odom_inserted_ * T_imu_lidar_;
-  const auto add = [&T_odom_lidar](const std::vector<Point>& source, VoxelMap* map) {
-    std::vector<Eigen::Vector3d> points;
-    std::vector<float> intensities;
-    points.reserve(source.size());
-    intensities.reserve(source.size());
-    for (const Point& point : source) {
-      points.push_back(T_odom_lidar * point.position.cast<double>());
-      intensities.push_back(point.intensity);
-    }
-    map->insert(points, intensities);
-  };
-  add(features.planes, &plane_map_);
-  if (config_.mapping.use_edges) add(features.edges, &edge_map_);
-  if (config_.mapping.use_intensity) add(features.intensity_edges, &texture_map_);
-  if ((newest.t_odom_imu - trimmed_at_).norm() > kMapTrimDistance) {
-    plane_map_.keep_within(newest.t_odom_imu, config_.mapping.map_radius_m);
-    edge_map_.keep_within(newest.t_odom_imu, config_.mapping.map_radius_m);
-    texture_map_.keep_within(newest.t_odom_imu, config_.mapping.map_radius_m);
-    trimmed_at_ = newest.t_odom_imu;
-  }
-}
-
-bool Estimator::Implementation::has_moved_on() const {
-  const Eigen::Isometry3d T = T_odom_inserted_.inverse() * smoother_.newest().T_odom_imu();
-  return scan_count_ < kFirstInserted || T.translation().norm() > kInsertDistance ||
-         so3::log(Eigen::Matrix3d(T.rotation())).norm() > kInsertAngle;
-}
-
 bool Estimator::Implementation::decide_keyframe() {
   const Eigen::Isometry3d T = smoother_.newest().T_odom_imu();
   const Eigen::Isometry3d T_keyframe_now = T_odom_keyframe_.inverse() * T;
@@ -507,8 +332,9 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
   } else {
     before_ = smoother_.newest();
     predict(features, imu);
-    if (config_.mapping.calibrate_beams) features = without_beam_errors(measured);
-    const LidarInformation information = optimise(match_input(features), &result);
+    if (config_.mapping.calibrate_beams) features = beams_.apply(measured, smoother_.newest());
+    const LidarInformation information = optimise(
+        make_match_input(features, config_.mapping, T_imu_lidar_, adapted_.feature_voxel_m), &result);
     radius_m = information.radius_m;
     result.matched_planes = information.planes;
     result.matched_edges = information.edges;
@@ -544,24 +370,11 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
                           "): its pose is a prediction");
   }
   const bool is_settled = result.is_healthy && result.state.imu_status == imu::ImuStatus::kInitialised;
-  if (config_.mapping.calibrate_beams && is_settled) learn_beam_errors(features);
-  if ((result.is_healthy && has_moved_on()) || plane_map_.empty()) insert(features);
+  if (config_.mapping.calibrate_beams && is_settled) beams_.learn(features, result.state, map_.planes());
+  if (result.is_healthy || map_.empty()) map_.insert(features, result.state.T_odom_imu(), T_imu_lidar_);
   result.is_keyframe = decide_keyframe();
   ++scan_count_;
   return result;
-}
-
-std::vector<Point> Estimator::Implementation::local_map() const {
-  std::vector<Point> points;
-  for (const VoxelMap* map : {&plane_map_, &edge_map_}) {
-    for (const Cell* cell : map->finest_cells()) {
-      Point point;
-      point.position = cell->mean.cast<float>();
-      point.intensity = cell->mean_intensity;
-      points.push_back(point);
-    }
-  }
-  return points;
 }
 
 Estimator::Estimator(const Config& config, Reporter* reporter)

@@ -1,28 +1,18 @@
 #pragma once
 
 #include <cstddef>
-#include <vector>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include "fdi_lio/common/config.hpp"
-#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/mapping/match_input.hpp"
 #include "fdi_lio/mapping/voxel_map.hpp"
 
 namespace fdi_lio::mapping {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
-
-/// Features in the body (IMU) frame, ready to be matched.
-struct MatchInput {
-  std::vector<Eigen::Vector3d> planes;
-  std::vector<Eigen::Vector3d> edges;
-  std::vector<Eigen::Vector3d> textures;             ///< intensity features
-  std::vector<float> levels;                         ///< their comparable intensities J
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< of the lidar, in the body frame
-};
 
 /// Second-order model of the matching cost about one pose, in the tangent [dtheta, dt] of T_odom_imu:
 ///   cost(d) = d' H d / 2 + b' d + constant.

@@ -1,0 +1,61 @@
+#include "fdi_lio/mapping/match_input.hpp"
+
+#include <cmath>
+#include <cstdint>
+#include <unordered_set>
+
+namespace fdi_lio::mapping {
+
+namespace {
+
+/// The first point of each voxel, in the order of the input.
+std::vector<Eigen::Vector3d> downsample(const std::vector<Eigen::Vector3d>& points, double voxel_m) {
+  std::vector<Eigen::Vector3d> kept;
+  std::unordered_set<std::uint64_t> seen;
+  seen.reserve(points.size());
+  for (const Eigen::Vector3d& point : points) {
+    std::uint64_t key = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto cell = static_cast<std::int64_t>(std::floor(point[axis] / voxel_m));
+      key = (key << 21) | (static_cast<std::uint64_t>(cell) & 0x1fffff);
+    }
+    if (seen.insert(key).second) kept.push_back(point);
+  }
+  return kept;
+}
+
+std::vector<Eigen::Vector3d> to_body(const std::vector<Point>& points, const Eigen::Isometry3d& T_imu_lidar) {
+  std::vector<Eigen::Vector3d> body;
+  body.reserve(points.size());
+  for (const Point& point : points) body.push_back(T_imu_lidar * point.position.cast<double>());
+  return body;
+}
+
+}  // namespace
+
+std::vector<Eigen::Vector3d> thin_out(const std::vector<Eigen::Vector3d>& points, std::size_t limit) {
+  if (points.size() <= limit) return points;
+  std::vector<Eigen::Vector3d> kept;
+  kept.reserve(limit);
+  for (std::size_t k = 0; k < limit; ++k) kept.push_back(points[k * points.size() / limit]);
+  return kept;
+}
+
+MatchInput make_match_input(const FeatureSet& features, const MappingConfig& config,
+                            const Eigen::Isometry3d& T_imu_lidar, double feature_voxel_m) {
+  MatchInput input;
+  const std::size_t limit = static_cast<std::size_t>(config.max_planes_matched);
+  input.planes = thin_out(downsample(to_body(features.planes, T_imu_lidar), feature_voxel_m), limit);
+  if (config.use_edges) {
+    input.edges = downsample(to_body(features.edges, T_imu_lidar), 0.5 * feature_voxel_m);
+  }
+  if (config.use_intensity) {
+    input.textures = to_body(features.intensity_edges, T_imu_lidar);
+    input.levels.reserve(features.intensity_edges.size());
+    for (const Point& point : features.intensity_edges) input.levels.push_back(point.intensity);
+  }
+  input.origin = T_imu_lidar.translation();
+  return input;
+}
+
+}  // namespace fdi_lio::mapping
