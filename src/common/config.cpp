@@ -188,8 +188,11 @@ void MappingConfig::visit(ParameterVisitor& v) {
   v.real({"mapping.intensity_weight", "", "factor on the information of intensity matches"}, intensity_weight,
          0.0, 100.0);
   v.real({"mapping.intensity_voxel", "m", "finest voxel of the intensity map"}, intensity_voxel_m, 0.05, 2.0);
-  v.flag({"mapping.use_localizability", "", "let the motion prior take over in weak directions"},
-         use_localizability);
+  v.flag({"mapping.judge_patches", "",
+          "trust patches of planes less that contradict the predicted pose: traffic"},
+         judge_patches);
+  v.flag({"mapping.soften_weak_directions", "", "let the motion prior take over in weak directions"},
+         soften_weak_directions);
   v.real({"mapping.localizability_margin", "",
           "factor on the information that noise alone gives, which a direction must exceed to count as "
           "observed"},

@@ -66,7 +66,7 @@ class Estimator::Implementation {
  private:
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
-  LidarInformation optimise(const MatchInput& input, EstimateResult* result);
+  LidarInformation optimise(MatchInput input, EstimateResult* result);
   void add_directions(const MatchInput& input, const imu::NavState& at, const MatchSettings& settings,
                       LidarInformation* information, EstimateResult* result) const;
   Eigen::Vector3d search_start_motion(const MatchInput& input) const;
@@ -166,7 +166,8 @@ void Estimator::Implementation::add_directions(const MatchInput& input, const im
     remove_bias(analyse_localizability(textures, margin), &textures);
     add_in_weak_directions(geometric, textures, information);
   }
-  if (config_.mapping.use_localizability) soften(analyse_localizability(*information, margin), information);
+  if (config_.mapping.soften_weak_directions)
+    soften(analyse_localizability(*information, margin), information);
 }
 
 /// Shift from the predicted position, in odom, at which the scan fits the map clearly better than anywhere
@@ -202,7 +203,7 @@ Eigen::Vector3d Estimator::Implementation::search_start_motion(const MatchInput&
   return best - predicted.t_odom_imu;
 }
 
-LidarInformation Estimator::Implementation::optimise(const MatchInput& input, EstimateResult* result) {
+LidarInformation Estimator::Implementation::optimise(MatchInput input, EstimateResult* result) {
   const bool is_start =
       scan_count_ <= kStartScans && smoother_.newest().imu_status != imu::ImuStatus::kInitialised;
   const int iterations = is_start ? kStartIterations : adapted_.iterations;
@@ -211,6 +212,12 @@ LidarInformation Estimator::Implementation::optimise(const MatchInput& input, Es
   settings.edge_weight = adapted_.edge_weight;
   settings.intensity_weight = config_.mapping.intensity_weight;
   LidarInformation information;
+  const imu::NavState predicted = smoother_.newest();
+  if (config_.mapping.judge_patches && predicted.imu_status == imu::ImuStatus::kInitialised) {
+    const Matrix6d covariance = smoother_.covariance().topLeftCorner<6, 6>();
+    input.plane_trust =
+        matcher_.trust_planes(input, map_.planes(), predicted.q_odom_imu, predicted.t_odom_imu, covariance);
+  }
   Eigen::Vector3d shift = is_start ? search_start_motion(input) : Eigen::Vector3d::Zero();
   for (int iteration = 0; iteration < iterations; ++iteration) {
     imu::NavState current = smoother_.newest();

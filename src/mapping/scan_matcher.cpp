@@ -1,6 +1,8 @@
 #include "fdi_lio/mapping/scan_matcher.hpp"
 
 #include <cmath>
+#include <cstdint>
+#include <unordered_map>
 
 #include "fdi_lio/common/parallel.hpp"
 
@@ -9,6 +11,15 @@ namespace fdi_lio::mapping {
 namespace {
 
 constexpr std::size_t kChunk = 256;
+/// Plane matches are judged together within cubes of this size [m].
+constexpr double kPatchSize = 2.0;
+/// What a patch's mean may deviate by beyond the prediction's error, as a share of the deviation of one
+/// point: beams and surfaces have errors that averaging does not take away.
+constexpr double kPatchFloor = 0.5;
+/// Deviation at which a patch's weight falls to a quarter. The prediction's own deviations count twice: they
+/// know nothing of the errors that scans and map share.
+constexpr double kPatchScale = 2.0;
+constexpr double kPredictionFactorSq = 4.0;
 
 /// Normal equations of some residuals.
 struct Sum {
@@ -53,18 +64,66 @@ double robust_weight(double residual, double variance, double scale) {
   return 1.0 / (1.0 + residual * residual / (variance * scale * scale));
 }
 
+/// Mean residual of the plane matches of one part of the scan.
+class Patch {
+ public:
+  void add(double weight, double residual, const Vector6d& J) {
+    weight_ += weight;
+    residual_ += weight * residual;
+    jacobian_ += weight * J;
+  }
+
+  /// 1 where the mean is what the pose's covariance and chance allow, towards 0 where it is not.
+  double trust(const Matrix6d& covariance, double correlation_factor, double floor_variance) const {
+    const double mean = residual_ / weight_;
+    const Vector6d J = jacobian_ / weight_;
+    const double variance =
+        correlation_factor / weight_ + floor_variance + kPredictionFactorSq * J.dot(covariance * J);
+    const double excess = 1.0 + mean * mean / (variance * kPatchScale * kPatchScale);
+    return 1.0 / (excess * excess);
+  }
+
+ private:
+  double weight_ = 0.0;
+  double residual_ = 0.0;
+  Vector6d jacobian_ = Vector6d::Zero();
+};
+
+/// The patch of a feature: the cube that it lies in, and the axis that its plane's normal is nearest to.
+std::uint64_t patch_key(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& normal) {
+  Eigen::Index nearest = 0;
+  normal.cwiseAbs().maxCoeff(&nearest);
+  auto key = static_cast<std::uint64_t>(2 * nearest + (normal[nearest] > 0.0 ? 1 : 0));
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto cell = static_cast<std::int64_t>(std::floor(p_imu[axis] / kPatchSize));
+    key = (key << 20) | (static_cast<std::uint64_t>(cell) & 0xfffff);
+  }
+  return key;
+}
+
 /// Residuals of a scan at one pose.
 class Residuals {
  public:
   Residuals(const Config& config, const Eigen::Vector3d& origin, const Eigen::Quaterniond& q_odom_imu,
             const Eigen::Vector3d& t_odom_imu, const MatchSettings& settings);
 
+  struct Residual {
+    Eigen::Vector3d gradient;  ///< dr/dp in the map frame
+    double value = 0.0;
+    double variance = 0.0;
+    double slope_variance = 0.0;  ///< variance of `gradient` along an axis, times that of the cell's points
+    int first_slope = 0;
+  };
+
   /// Distance of a point to a plane or a line along the cell's axis `normal`; the cell knows that axis no
   /// better than its points allow along its axes from `first_slope` on.
-  void add_distance(const Eigen::Vector3d& p_imu, const Cell& cell, int normal, int first_slope,
-                    double weight, Sum* sum) const;
+  Residual distance(const Eigen::Vector3d& p_imu, const Cell& cell, int normal, int first_slope) const;
   /// Difference between the cell's intensity at the point and the point's own.
-  void add_intensity(const Eigen::Vector3d& p_imu, double level, const Cell& cell, Sum* sum) const;
+  Residual intensity(const Eigen::Vector3d& p_imu, double level, const Cell& cell) const;
+  void add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residual& residual, double weight,
+           Sum* sum) const;
+  void add_to_patch(const Eigen::Vector3d& p_imu, const Residual& residual, Patch* patch) const;
+  double patch_floor_variance() const { return kPatchFloor * kPatchFloor * range_variance_; }
 
   Eigen::Vector3d in_map(const Eigen::Vector3d& p_imu) const { return R_ * p_imu + t_; }
 
@@ -76,19 +135,8 @@ class Residuals {
   LidarInformation finish(const Eigen::Quaterniond& q_odom_imu, const Sum& sum) const;
 
  private:
-  struct Residual {
-    Eigen::Vector3d gradient;  ///< dr/dp in the map frame
-    double value;
-    double variance;
-    double
-        slope_variance;  ///< the gradient's variance along an axis, times that of the cell's points along it
-    int first_slope;
-  };
-
   Vector6d jacobian(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& gradient) const;
   double point_variance(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& n) const;
-  void add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residual& residual, double weight,
-           Sum* sum) const;
 
   const MappingConfig& mapping_;
   const MatchSettings& settings_;
@@ -150,21 +198,20 @@ void Residuals::add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residu
   ++sum->count;
 }
 
-void Residuals::add_distance(const Eigen::Vector3d& p_imu, const Cell& cell, int normal, int first_slope,
-                             double weight, Sum* sum) const {
+Residuals::Residual Residuals::distance(const Eigen::Vector3d& p_imu, const Cell& cell, int normal,
+                                        int first_slope) const {
   const Eigen::Vector3d offset = in_map(p_imu) - cell.mean;
   Residual residual;
   residual.gradient = cell.axes.col(normal);
   residual.value = residual.gradient.dot(offset);
-  if (std::abs(residual.value) > settings_.max_residual_m) return;
   residual.variance = point_variance(p_imu, residual.gradient) +
                       cell.variances[normal] * (1.0 + leverage(cell, offset, normal) / cell.count);
   residual.slope_variance = std::max(cell.variances[normal], range_variance_) / cell.count;
   residual.first_slope = first_slope;
-  add(p_imu, cell, residual, weight, sum);
+  return residual;
 }
 
-void Residuals::add_intensity(const Eigen::Vector3d& p_imu, double level, const Cell& cell, Sum* sum) const {
+Residuals::Residual Residuals::intensity(const Eigen::Vector3d& p_imu, double level, const Cell& cell) const {
   const Eigen::Vector3d offset = in_map(p_imu) - cell.mean;
   Residual residual;
   residual.gradient = cell.intensity_gradient;
@@ -173,7 +220,11 @@ void Residuals::add_intensity(const Eigen::Vector3d& p_imu, double level, const 
                       point_variance(p_imu, residual.gradient.normalized()) * residual.gradient.squaredNorm();
   residual.slope_variance = cell.intensity_variance / cell.count;
   residual.first_slope = 1;
-  add(p_imu, cell, residual, settings_.intensity_weight, sum);
+  return residual;
+}
+
+void Residuals::add_to_patch(const Eigen::Vector3d& p_imu, const Residual& residual, Patch* patch) const {
+  patch->add(1.0 / residual.variance, residual.value, jacobian(p_imu, residual.gradient));
 }
 
 template <typename Add>
@@ -214,23 +265,57 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const VoxelMap&
                                         const Eigen::Vector3d& t_odom_imu,
                                         const MatchSettings& settings) const {
   const Residuals residuals(config_, input.origin, q_odom_imu, t_odom_imu, settings);
+  const auto add = [&](const Eigen::Vector3d& p, const Cell& cell, const Residuals::Residual& residual,
+                       double weight, Sum* part) {
+    if (std::abs(residual.value) <= settings.max_residual_m) residuals.add(p, cell, residual, weight, part);
+  };
   Sum sum = Residuals::sum_up(input.planes.size(), [&](std::size_t i, Sum* part) {
     const Eigen::Vector3d& p = input.planes[i];
     const Cell* cell = plane_map.find_plane(residuals.in_map(p), settings.wide);
-    if (cell != nullptr) residuals.add_distance(p, *cell, 0, 1, settings.plane_weight, part);
+    if (cell == nullptr) return;
+    const double trust = input.plane_trust.empty() ? 1.0 : input.plane_trust[i];
+    add(p, *cell, residuals.distance(p, *cell, 0, 1), settings.plane_weight * trust, part);
   });
   const std::size_t planes = sum.count;
   sum += Residuals::sum_up(input.edges.size(), [&](std::size_t i, Sum* part) {
     const Eigen::Vector3d& p = input.edges[i];
     const Cell* cell = edge_map.find_line(residuals.in_map(p));
     if (cell == nullptr) return;
-    residuals.add_distance(p, *cell, 0, 2, settings.edge_weight, part);
-    residuals.add_distance(p, *cell, 1, 2, settings.edge_weight, part);
+    for (int axis = 0; axis < 2; ++axis) {
+      add(p, *cell, residuals.distance(p, *cell, axis, 2), settings.edge_weight, part);
+    }
   });
   LidarInformation information = residuals.finish(q_odom_imu, sum);
   information.planes = planes;
   information.edges = (sum.count - planes) / 2;
   return information;
+}
+
+std::vector<float> ScanMatcher::trust_planes(const MatchInput& input, const VoxelMap& plane_map,
+                                             const Eigen::Quaterniond& q_odom_imu,
+                                             const Eigen::Vector3d& t_odom_imu,
+                                             const Matrix6d& covariance) const {
+  const MatchSettings settings;
+  const Residuals residuals(config_, input.origin, q_odom_imu, t_odom_imu, settings);
+  std::unordered_map<std::uint64_t, Patch> patches;
+  std::vector<const Patch*> patch_of(input.planes.size(), nullptr);
+  for (std::size_t i = 0; i < input.planes.size(); ++i) {
+    const Eigen::Vector3d& p = input.planes[i];
+    const Cell* cell = plane_map.find_plane(residuals.in_map(p), false);
+    if (cell == nullptr) continue;
+    const Residuals::Residual residual = residuals.distance(p, *cell, 0, 1);
+    if (std::abs(residual.value) > config_.mapping.max_residual_m) continue;
+    Patch& patch = patches[patch_key(p, residual.gradient)];
+    residuals.add_to_patch(p, residual, &patch);
+    patch_of[i] = &patch;
+  }
+  std::vector<float> trust(input.planes.size(), 1.0F);
+  for (std::size_t i = 0; i < trust.size(); ++i) {
+    if (patch_of[i] == nullptr) continue;
+    trust[i] = static_cast<float>(
+        patch_of[i]->trust(covariance, config_.mapping.correlation_factor, residuals.patch_floor_variance()));
+  }
+  return trust;
 }
 
 LidarInformation ScanMatcher::linearise_textures(const MatchInput& input, const VoxelMap& texture_map,
@@ -241,7 +326,8 @@ LidarInformation ScanMatcher::linearise_textures(const MatchInput& input, const 
   const Sum sum = Residuals::sum_up(input.textures.size(), [&](std::size_t i, Sum* part) {
     const Eigen::Vector3d& p = input.textures[i];
     const Cell* cell = texture_map.find_texture(residuals.in_map(p));
-    if (cell != nullptr) residuals.add_intensity(p, input.levels[i], *cell, part);
+    if (cell == nullptr) return;
+    residuals.add(p, *cell, residuals.intensity(p, input.levels[i], *cell), settings.intensity_weight, part);
   });
   LidarInformation information = residuals.finish(q_odom_imu, sum);
   information.textures = sum.count;

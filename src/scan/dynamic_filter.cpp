@@ -12,8 +12,9 @@ namespace fdi_lio::scan {
 
 namespace {
 
-constexpr int kColumnStride = 2;  ///< every second column is looked at; the others follow their neighbour
-constexpr int kLeastCells = 4;    ///< of the nine about a direction, that must hold a range
+constexpr int kColumnStride = 2;    ///< every second column is looked at; the others follow their neighbour
+constexpr float kMostSlope = 0.3F;  ///< of a surface that may be ground
+constexpr int kLeastCells = 4;      ///< of the nine about a direction, that must hold a range
 
 /// Whether all of the nine cells about a direction that hold a range saw farther than `range_m`, and enough
 /// do.
@@ -240,6 +241,22 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
     for (std::size_t k = 0; k < cells.size(); ++k) evidence[cells[k]] = found[k];
   });
 
+  const Eigen::Vector3f up = T_odom_lidar.linear().row(2).transpose().cast<float>();
+  const auto is_level = [&](std::size_t at) {
+    const int ring = static_cast<int>(at / columns);
+    const int column = static_cast<int>(at % columns);
+    const Eigen::Vector3f& p = scan.points[grower.point_of(at)].position;
+    for (const int other : {ring - 1, ring + 1}) {
+      if (other < 0 || other >= image.rings()) continue;
+      const std::uint32_t j = grower.point_of(other, column);
+      if (j == RangeImage::kNone) continue;
+      const Eigen::Vector3f d = scan.points[j].position - p;
+      const float rise = up.dot(d);
+      if (rise * rise > kMostSlope * kMostSlope * (d.squaredNorm() - rise * rise)) return false;
+    }
+    return true;
+  };
+
   std::vector<RemovalReason> of_cell(rings * columns, RemovalReason::kNone);
   const auto is = [&evidence](Evidence wanted) {
     return [&evidence, wanted](std::size_t at) { return evidence[at] == wanted; };
@@ -252,7 +269,9 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
     if (static_cast<double>(fixed) > config_.max_static_share * static_cast<double>(core.size() + fixed))
       continue;
     std::vector<std::size_t> members = core;
-    for (const std::size_t from : core) grower.visit_neighbours(from, is(Evidence::kUnknown), &members);
+    const auto joins = [&](std::size_t at) { return evidence[at] == Evidence::kUnknown && !is_level(at); };
+    for (std::size_t next = 0; next < members.size(); ++next)
+      grower.visit_neighbours(members[next], joins, &members);
     for (const std::size_t at : members) {
       of_cell[at] =
           evidence[at] == Evidence::kFree ? RemovalReason::kFreeSpace : RemovalReason::kPartOfObject;

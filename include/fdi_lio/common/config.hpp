@@ -125,8 +125,9 @@ struct MappingConfig {
   double edge_weight = 0.1;
   double intensity_weight = 0.2;
   double intensity_voxel_m = 0.2;
-  bool use_localizability = false;
-  double localizability_margin = 3.0;
+  bool judge_patches = true;
+  bool soften_weak_directions = false;
+  double localizability_margin = 1.0;
   double drift_share = 1.0;
   bool calibrate_beams = true;
   double beam_range_sigma_m = 0.02;

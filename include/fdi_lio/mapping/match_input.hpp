@@ -13,6 +13,7 @@ namespace fdi_lio::mapping {
 /// Features in the body (IMU) frame, ready to be matched.
 struct MatchInput {
   std::vector<Eigen::Vector3d> planes;
+  std::vector<float> plane_trust;  ///< factor on the weight of each plane; empty: 1
   std::vector<Eigen::Vector3d> edges;
   std::vector<Eigen::Vector3d> textures;             ///< intensity features
   std::vector<float> levels;                         ///< their comparable intensities J

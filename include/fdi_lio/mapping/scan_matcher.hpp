@@ -41,7 +41,7 @@ struct LidarInformation {
 struct MatchSettings {
   double max_residual_m = 0.5;
   double max_deviation = 1e9;  ///< of a residual, in its standard deviations
-  bool wide = false;           ///< look into neighbouring cells too: before the velocity is known
+  bool wide = false;           ///< look into neighbouring cells too: where a pose is only roughly known
   double plane_weight = 1.0;
   double edge_weight = 1.0;
   double intensity_weight = 1.0;
@@ -59,6 +59,17 @@ class ScanMatcher {
   LidarInformation linearise(const MatchInput& input, const VoxelMap& plane_map, const VoxelMap& edge_map,
                              const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
                              const MatchSettings& settings) const;
+
+  /// Trust in each plane of `input`, in [0, 1], given a predicted pose and its covariance P ([dtheta, dt] as
+  /// in LidarInformation). What moves together with the sensor, as traffic does, looks right point by point:
+  /// from scan to scan it hardly deviates from where the map has it. Many points together show it. The
+  /// planes are put into patches (2 m cubes of the scan, by direction of the normal). Their mean residual m
+  /// = sum(w r) / sum(w), with Jacobian J alike, has the expected variance
+  ///   s^2 = correlation_factor / sum(w) + floor^2 + 4 J P J',
+  /// and all planes of the patch get the trust 1 / (1 + m^2 / (2 s)^2)^2.
+  std::vector<float> trust_planes(const MatchInput& input, const VoxelMap& plane_map,
+                                  const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
+                                  const Matrix6d& covariance) const;
 
   /// Intensity features: difference between the map's intensity at the point and its own,
   /// r = mean_intensity + g . (p - mean) - J. `squared_error` is in the unit of J.
