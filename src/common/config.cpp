@@ -49,6 +49,8 @@ void SensorConfig::visit(ParameterVisitor& v) {
   v.real({"sensor.gravity", "m/s^2", "magnitude of gravity"}, gravity_mps2, 9.7, 9.9);
   v.vector3({"sensor.T_imu_lidar.translation", "m", "p_imu = T_imu_lidar * p_lidar"}, t_imu_lidar);
   v.rotation({"sensor.T_imu_lidar.rotation", "", "quaternion x y z w, or matrix row by row"}, q_imu_lidar);
+  v.real({"sensor.mounting_sigma", "deg", "how well the rotation of T_imu_lidar is known, about each axis"},
+         mounting_sigma_deg, 0.0, 10.0);
 }
 
 void FrameConfig::visit(ParameterVisitor& v) {
@@ -197,6 +199,10 @@ void MappingConfig::visit(ParameterVisitor& v) {
           "factor on the information that noise alone gives, which a direction must exceed to count as "
           "observed"},
          localizability_margin, 0.0, 1000.0);
+  v.real(
+      {"mapping.covariance_factor", "",
+       "factor on the stated covariance: scans share errors (map, surfaces, beams) that do not average out"},
+      covariance_factor, 0.0, 1e6);
   v.real({"mapping.drift_share", "",
           "factor on the share of a pose's covariance that stays in the map for each feature radius of way"},
          drift_share, 0.0, 1000.0);

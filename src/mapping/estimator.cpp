@@ -13,6 +13,7 @@
 #include "fdi_lio/mapping/localizability.hpp"
 #include "fdi_lio/mapping/map_drift.hpp"
 #include "fdi_lio/mapping/match_input.hpp"
+#include "fdi_lio/mapping/mounting.hpp"
 #include "fdi_lio/mapping/scan_matcher.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
 
@@ -89,6 +90,7 @@ class Estimator::Implementation {
   imu::NavState before_;  ///< estimate of the scan before
   imu::NavState alignment_start_;
   std::vector<imu::AlignmentInterval> alignment_;
+  Eigen::Isometry3d T_odom_first_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_odom_keyframe_ = Eigen::Isometry3d::Identity();
 };
 
@@ -368,7 +370,11 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
   const Matrix15d covariance = smoother_.covariance();
   result.map_covariance = covariance.topLeftCorner<6, 6>();
   if (scan_count_ > 0) drift_.advance(before_, result.state, result.map_covariance, radius_m);
-  result.covariance = adapted_.noise_scale * (result.map_covariance + drift_.covariance());
+  if (scan_count_ == 0) T_odom_first_ = result.state.T_odom_imu();
+  result.covariance = adapted_.noise_scale * config_.mapping.covariance_factor *
+                          (result.map_covariance + drift_.covariance()) +
+                      mounting_covariance(T_odom_first_, result.state.T_odom_imu(),
+                                          config_.sensor.mounting_sigma_deg * M_PI / 180.0);
   result.velocity_covariance = covariance.block<3, 3>(6, 6);
   result.status.stamp = features.stamp;
   if (!result.is_healthy) {

@@ -83,7 +83,10 @@ TEST(BeamCalibration, ErrorsThatAreSmoothOverTheBeamsAreLeft) {
   for (int ring = 0; ring < kRings; ++ring) errors[ring] << 0.01 + 5e-4 * ring, -5e-4 + 1e-6 * ring * ring;
   BeamCalibration calibration{BeamCalibrationConfig()};
   drive(errors, 40, &calibration);
-  for (int ring = 0; ring < kRings; ++ring) EXPECT_LT(std::abs(calibration.error(ring)[0]), 2e-3) << ring;
+  for (int ring = 0; ring < kRings; ++ring) {
+    EXPECT_LT(std::abs(calibration.error(ring)[0]), 2e-3) << ring;
+    EXPECT_LT(std::abs(calibration.error(ring)[1]), 2e-4) << ring;
+  }
 }
 
 }  // namespace

@@ -90,7 +90,7 @@ TEST(LoopVerifier, SmoothHallSaysNothingAlongItself) {
   const LoopCandidate candidate =
       verifier.verify(submap(hall, T), scan(hall, planar_pose(0.7, 0.3, 0.0)), start_at(T, 1.0));
   EXPECT_GT(sigma_along(candidate, Eigen::Vector3d::UnitX()), 10.0);
-  EXPECT_LT(sigma_along(candidate, Eigen::Vector3d::UnitY()), 0.2);
+  EXPECT_LT(sigma_along(candidate, Eigen::Vector3d::UnitY()), 0.1);
   EXPECT_NEAR(candidate.measured.T_from_to.translation().y(), 0.3, 0.03);
 }
 

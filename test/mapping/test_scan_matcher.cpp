@@ -83,6 +83,52 @@ TEST_F(Room, ResidualsBeyondTheLimitAreNoMatches) {
   EXPECT_LT(information.planes, 5U);
 }
 
+TEST_F(Room, APatchThatContradictsThePredictionLosesTrust) {
+  MatchInput input = seen_from(Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
+  std::vector<bool> is_moved(input.planes.size(), false);
+  for (std::size_t i = 0; i < input.planes.size(); ++i) {
+    // A part of the wall across x, by 8 cm: as near as a single point may well be.
+    Eigen::Vector3d& p = input.planes[i];
+    if (std::abs(p.x() - 0.2) > 0.05 || (p.tail<2>() - Eigen::Vector2d(1.4, 1.4)).cwiseAbs().maxCoeff() > 0.6)
+      continue;
+    p.x() += 0.08;
+    is_moved[i] = true;
+  }
+  const ScanMatcher matcher{Config()};
+  const auto mean_trust = [&](double sigma_m) {
+    const Matrix6d covariance = sigma_m * sigma_m * Matrix6d::Identity();
+    const std::vector<float> trust = matcher.trust_planes(input, map_, Eigen::Quaterniond::Identity(),
+                                                          Eigen::Vector3d::Zero(), covariance);
+    Eigen::Vector2d sums = Eigen::Vector2d::Zero();
+    Eigen::Vector2d counts = Eigen::Vector2d::Zero();
+    for (std::size_t i = 0; i < trust.size(); ++i) {
+      sums[is_moved[i] ? 1 : 0] += trust[i];
+      counts[is_moved[i] ? 1 : 0] += 1.0;
+    }
+    return Eigen::Vector2d(sums.cwiseQuotient(counts));
+  };
+  const Eigen::Vector2d sure = mean_trust(0.002);
+  EXPECT_GT(sure[0], 0.95);
+  EXPECT_LT(sure[1], 0.3);
+  // A prediction that may be off by as much says nothing against it.
+  const Eigen::Vector2d unsure = mean_trust(0.2);
+  EXPECT_GT(unsure[0], 0.95);
+  EXPECT_GT(unsure[1], 0.9);
+}
+
+TEST_F(Room, DistrustedPlanesWeighLess) {
+  MatchInput input = seen_from(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0.0, 0.0, 0.02));
+  const auto information = [&] {
+    return ScanMatcher(Config()).linearise(input, map_, empty_, Eigen::Quaterniond::Identity(),
+                                           Eigen::Vector3d::Zero(), MatchSettings());
+  };
+  const LidarInformation full = information();
+  input.plane_trust.assign(input.planes.size(), 0.25F);
+  const LidarInformation quarter = information();
+  EXPECT_TRUE(quarter.H.isApprox(0.25 * full.H, 1e-9));
+  EXPECT_TRUE(quarter.b.isApprox(0.25 * full.b, 1e-9));
+}
+
 TEST_F(Room, EmptyInputGivesNoInformation) {
   const auto information = ScanMatcher(Config()).linearise(
       MatchInput(), map_, empty_, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero(), MatchSettings());

@@ -104,6 +104,28 @@ TEST(DynamicFilter, KeepsAParkedBox) {
   EXPECT_EQ(score.moving_removed, 0U);
 }
 
+TEST(DynamicFilter, AConvoyHidesItsOwnPlaceAndIsFoundAllTheSame) {
+  // A box that drives ahead at the sensor's speed: earlier scans saw over it and past it, but the rear stood
+  // between them and where it is now. It belongs to what is seen to have moved; the ground does not.
+  DynamicFilter filter{DynamicConfig()};
+  Score score;
+  for (int k = 0; k < 45; ++k) {
+    const double x = -8.0 + 2.5 * 0.1 * k;
+    std::vector<Box> boxes = hall();
+    boxes.push_back({{x + 4.0, -0.8, 0.05}, {x + 6.0, 0.8, 1.2}, true});
+    const Eigen::Isometry3d T = pose_at(x, 0.0, 0.0);
+    LabelledScan labelled = cast(SyntheticLidar(), boxes, T, to_nanoseconds(100.0 + 0.1 * k), grey);
+    RangeImage image;
+    image.build(&labelled.scan);
+    const auto reasons = filter.classify(labelled.scan, image, T);
+    if (k >= 30) score.add(labelled, reasons);
+  }
+  ASSERT_GT(score.moving, 2000U);
+  RecordProperty("moving_removed_percent", std::to_string(100.0 * score.removed()));
+  EXPECT_GT(score.removed(), 0.9);
+  EXPECT_GT(score.kept(), 0.99);
+}
+
 TEST(DynamicFilter, ForgetsEarlierScansWithReset) {
   const auto removed_after = [](bool reset) {
     DynamicFilter filter{DynamicConfig()};

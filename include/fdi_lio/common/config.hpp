@@ -38,6 +38,7 @@ struct SensorConfig {
   double gravity_mps2 = 9.81;
   Eigen::Vector3d t_imu_lidar = Eigen::Vector3d::Zero();
   Eigen::Quaterniond q_imu_lidar = Eigen::Quaterniond::Identity();
+  double mounting_sigma_deg = 0.2;
 
   Eigen::Isometry3d T_imu_lidar() const;
   void visit(ParameterVisitor& visitor);
@@ -128,6 +129,7 @@ struct MappingConfig {
   bool judge_patches = true;
   bool soften_weak_directions = false;
   double localizability_margin = 1.0;
+  double covariance_factor = 16.0;
   double drift_share = 1.0;
   bool calibrate_beams = true;
   double beam_range_sigma_m = 0.02;

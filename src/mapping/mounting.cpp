@@ -1,0 +1,16 @@
+#include "fdi_lio/mapping/mounting.hpp"
+
+#include "fdi_lio/common/so3.hpp"
+
+namespace fdi_lio::mapping {
+
+Matrix6d mounting_covariance(const Eigen::Isometry3d& T_odom_first, const Eigen::Isometry3d& T_odom_now,
+                             double sigma_rad) {
+  const Eigen::Isometry3d T_rel = T_odom_first.inverse() * T_odom_now;
+  Eigen::Matrix<double, 6, 3> J;
+  J.topRows<3>() = T_rel.linear().transpose() - Eigen::Matrix3d::Identity();
+  J.bottomRows<3>() = -T_odom_first.linear() * so3::hat(T_rel.translation());
+  return sigma_rad * sigma_rad * J * J.transpose();
+}
+
+}  // namespace fdi_lio::mapping
