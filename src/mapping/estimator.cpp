@@ -25,13 +25,6 @@ namespace {
 constexpr int kStartScans = 5;
 constexpr int kStartIterations = 20;
 constexpr double kStartMaxResidual = 1.0;
-/// Motions that are tried at the start: speeds up to the fastest road vehicles, in all level directions.
-constexpr double kStartSpeedStep = 4.0;
-constexpr int kStartSpeeds = 12;
-constexpr int kStartDirections = 24;
-constexpr std::size_t kStartPoints = 2000;
-/// Share of the points that must fit better before a motion is believed rather than the prediction.
-constexpr double kStartGain = 0.1;
 /// A pose needs this many matches to be trusted at all.
 constexpr std::size_t kMinMatches = 30;
 constexpr double kMaxStaticSpeed = 0.1;
@@ -70,7 +63,6 @@ class Estimator::Implementation {
   LidarInformation optimise(MatchInput input, EstimateResult* result);
   void add_directions(const MatchInput& input, const imu::NavState& at, const MatchSettings& settings,
                       LidarInformation* information, EstimateResult* result) const;
-  Eigen::Vector3d search_start_motion(const MatchInput& input) const;
   void try_static_start(const imu::Preintegration& imu);
   void try_moving_start(const imu::Preintegration& imu);
   void adopt_imu(imu::NavState state, const Smoother::InitialSigma& sigma);
@@ -172,39 +164,6 @@ void Estimator::Implementation::add_directions(const MatchInput& input, const im
     soften(analyse_localizability(*information, margin), information);
 }
 
-/// Shift from the predicted position, in odom, at which the scan fits the map clearly better than anywhere
-/// else that a vehicle could have got to since the scan before; zero when none does. Registration alone does
-/// not find it: with the first scan as map it is drawn to whatever is near, and in the direction of a road
-/// noise moves it.
-Eigen::Vector3d Estimator::Implementation::search_start_motion(const MatchInput& input) const {
-  const imu::NavState& predicted = smoother_.newest();
-  MatchInput few = input;
-  few.planes = thin_out(input.planes, kStartPoints);
-  few.textures.clear();
-  MatchSettings settings;
-  settings.max_residual_m = config_.mapping.max_residual_m;
-  const auto score = [&](const Eigen::Vector3d& t) {
-    return matcher_.linearise(few, map_.planes(), map_.edges(), predicted.q_odom_imu, t, settings).fit;
-  };
-  const double points = static_cast<double>(few.planes.size() + few.edges.size());
-  const double dt = seconds_between(before_.stamp, predicted.stamp);
-  Eigen::Vector3d best = predicted.t_odom_imu;
-  double best_score = score(best) + kStartGain * points;
-  for (int speed = 0; speed <= kStartSpeeds; ++speed) {
-    for (int direction = 0; direction < (speed == 0 ? 1 : kStartDirections); ++direction) {
-      const double angle = 2.0 * M_PI * direction / kStartDirections;
-      const Eigen::Vector3d t =
-          before_.t_odom_imu +
-          dt * speed * kStartSpeedStep * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0);
-      const double fit = score(t);
-      if (fit <= best_score) continue;
-      best_score = fit;
-      best = t;
-    }
-  }
-  return best - predicted.t_odom_imu;
-}
-
 LidarInformation Estimator::Implementation::optimise(MatchInput input, EstimateResult* result) {
   const bool is_start =
       scan_count_ <= kStartScans && smoother_.newest().imu_status != imu::ImuStatus::kInitialised;
@@ -220,11 +179,8 @@ LidarInformation Estimator::Implementation::optimise(MatchInput input, EstimateR
     input.plane_trust =
         matcher_.trust_planes(input, map_.planes(), predicted.q_odom_imu, predicted.t_odom_imu, covariance);
   }
-  Eigen::Vector3d shift = is_start ? search_start_motion(input) : Eigen::Vector3d::Zero();
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    imu::NavState current = smoother_.newest();
-    current.t_odom_imu += shift;
-    shift.setZero();
+    const imu::NavState current = smoother_.newest();
     const double progress = static_cast<double>(iteration) / iterations;
     settings.max_residual_m =
         is_start ? std::max(config_.mapping.max_residual_m, kStartMaxResidual * (1.0 - progress))

@@ -29,7 +29,6 @@ struct Sum {
   Vector6d bias = Vector6d::Zero();  ///< that the errors of the Jacobians give b on the average
   Eigen::Vector3d first_moment = Eigen::Vector3d::Zero();  ///< of the features, body frame
   double second_moment = 0.0;
-  double fit = 0.0;
   double squared_error = 0.0;
   std::size_t count = 0;
 
@@ -40,7 +39,6 @@ struct Sum {
     bias += other.bias;
     first_moment += other.first_moment;
     second_moment += other.second_moment;
-    fit += other.fit;
     squared_error += other.squared_error;
     count += other.count;
     return *this;
@@ -193,7 +191,6 @@ void Residuals::add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residu
   }
   sum->first_moment += p_imu;
   sum->second_moment += p_imu.squaredNorm();
-  sum->fit += fit;
   sum->squared_error += r * r;
   ++sum->count;
 }
@@ -247,7 +244,6 @@ LidarInformation Residuals::finish(const Eigen::Quaterniond& q_odom_imu, const S
   information.b = sum.b / mapping_.correlation_factor;
   information.bias = sum.bias / mapping_.correlation_factor;
   information.noise_information = sum.noise / mapping_.correlation_factor;
-  information.fit = sum.fit;
   information.squared_error = sum.squared_error;
   information.independent = static_cast<double>(sum.count) / mapping_.correlation_factor;
   if (sum.count == 0) return information;

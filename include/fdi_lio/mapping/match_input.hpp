@@ -26,7 +26,4 @@ struct MatchInput {
 MatchInput make_match_input(const FeatureSet& features, const MappingConfig& config,
                             const Eigen::Isometry3d& T_imu_lidar, double feature_voxel_m);
 
-/// Every k-th point, so that at most `limit` stay.
-std::vector<Eigen::Vector3d> thin_out(const std::vector<Eigen::Vector3d>& points, std::size_t limit);
-
 }  // namespace fdi_lio::mapping

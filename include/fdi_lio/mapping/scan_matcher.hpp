@@ -28,7 +28,6 @@ struct LidarInformation {
   /// What the same errors, which are in the residuals too, give b on the average (errors in variables):
   /// points of a scan, which lie ahead of those that a cell knows, would be pulled back.
   Vector6d bias = Vector6d::Zero();
-  double fit = 0.0;          ///< sum of the robust weights, each in [0, 1]
   double independent = 0.0;  ///< residuals, less those that share their errors with others
   Eigen::Vector3d centroid_imu = Eigen::Vector3d::Zero();  ///< of the matched features
   double radius_m = 0.0;                                   ///< their root mean square distance from it
@@ -48,8 +47,8 @@ struct MatchSettings {
 };
 
 /// Residuals of scan features against the local map, with noise-aware weights and a Cauchy kernel (one round
-/// of iteratively re-weighted Gauss-Newton). The gradient b is free of the bias that errors of the map's
-/// normals and intensity gradients would give it (errors in variables).
+/// of iteratively re-weighted Gauss-Newton). What errors of the map's normals and intensity gradients add to
+/// the normal equations is kept apart (`bias`, `noise_information`): remove_bias() takes it out.
 class ScanMatcher {
  public:
   explicit ScanMatcher(const Config& config) : config_(config) {}
