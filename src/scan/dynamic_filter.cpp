@@ -87,6 +87,24 @@ class ObjectGrower {
     return found.size();
   }
 
+  /// Whether the surface between the cell and those above and below it may be ground; `up` in the lidar
+  /// frame.
+  bool is_level(std::size_t at, const Eigen::Vector3f& up) const {
+    const auto columns = static_cast<std::size_t>(columns_);
+    const int ring = static_cast<int>(at / columns);
+    const int column = static_cast<int>(at % columns);
+    const Eigen::Vector3f& p = scan_.points[point_of(at)].position;
+    for (const int other : {ring - 1, ring + 1}) {
+      if (other < 0 || other >= image_.rings()) continue;
+      const std::uint32_t j = point_of(other, column);
+      if (j == RangeImage::kNone) continue;
+      const Eigen::Vector3f d = scan_.points[j].position - p;
+      const float rise = up.dot(d);
+      if (rise * rise > kMostSlope * kMostSlope * (d.squaredNorm() - rise * rise)) return false;
+    }
+    return true;
+  }
+
  private:
   template <typename Visit>
   void for_touching(std::size_t from, const Visit& visit) const {
@@ -242,21 +260,6 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
   });
 
   const Eigen::Vector3f up = T_odom_lidar.linear().row(2).transpose().cast<float>();
-  const auto is_level = [&](std::size_t at) {
-    const int ring = static_cast<int>(at / columns);
-    const int column = static_cast<int>(at % columns);
-    const Eigen::Vector3f& p = scan.points[grower.point_of(at)].position;
-    for (const int other : {ring - 1, ring + 1}) {
-      if (other < 0 || other >= image.rings()) continue;
-      const std::uint32_t j = grower.point_of(other, column);
-      if (j == RangeImage::kNone) continue;
-      const Eigen::Vector3f d = scan.points[j].position - p;
-      const float rise = up.dot(d);
-      if (rise * rise > kMostSlope * kMostSlope * (d.squaredNorm() - rise * rise)) return false;
-    }
-    return true;
-  };
-
   std::vector<RemovalReason> of_cell(rings * columns, RemovalReason::kNone);
   const auto is = [&evidence](Evidence wanted) {
     return [&evidence, wanted](std::size_t at) { return evidence[at] == wanted; };
@@ -269,7 +272,9 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
     if (static_cast<double>(fixed) > config_.max_static_share * static_cast<double>(core.size() + fixed))
       continue;
     std::vector<std::size_t> members = core;
-    const auto joins = [&](std::size_t at) { return evidence[at] == Evidence::kUnknown && !is_level(at); };
+    const auto joins = [&](std::size_t at) {
+      return evidence[at] == Evidence::kUnknown && !grower.is_level(at, up);
+    };
     for (std::size_t next = 0; next < members.size(); ++next)
       grower.visit_neighbours(members[next], joins, &members);
     for (const std::size_t at : members) {

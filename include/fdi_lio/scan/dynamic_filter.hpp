@@ -29,7 +29,7 @@ namespace fdi_lio::scan {
 ///   unknown   neither, as when something nearer hid the place.
 /// Free points that touch form an object. It is dropped when it has too few points, or when it touches too
 /// many static points (leaves, wires, fences: now seen, now missed); else it takes in the unknown points that
-/// touch it.
+/// touch it, directly or through others, as far as they are no ground. `odom` has z upwards.
 class DynamicFilter {
  public:
   explicit DynamicFilter(const DynamicConfig& config) : config_(config) {}
