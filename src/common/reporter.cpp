@@ -14,6 +14,7 @@ bool is_power_of_ten(std::uint64_t value) {
 }  // namespace
 
 void Reporter::report(Severity severity, const std::string& key, const std::string& text) {
+  const std::lock_guard<std::mutex> lock(mutex_);
   Notice& notice = notices_[key];
   notice.severity = severity;
   notice.text = text;
@@ -21,6 +22,19 @@ void Reporter::report(Severity severity, const std::string& key, const std::stri
   if (is_power_of_ten(notice.count)) due_.push_back(notice);
 }
 
-std::vector<Notice> Reporter::take_new() { return std::exchange(due_, {}); }
+std::vector<Notice> Reporter::take_new() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return std::exchange(due_, {});
+}
+
+std::map<std::string, Notice> Reporter::notices() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return notices_;
+}
+
+bool Reporter::has(const std::string& key) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return notices_.count(key) != 0;
+}
 
 }  // namespace fdi_lio

@@ -9,7 +9,7 @@ TaskThread::~TaskThread() {
     const std::lock_guard<std::mutex> lock(mutex_);
     is_abandoned_ = true;
   }
-  changed_.notify_one();
+  changed_.notify_all();
   if (thread_.joinable()) thread_.join();
 }
 
@@ -21,7 +21,7 @@ std::future<void> TaskThread::push(std::function<void()> task) {
     // A task that is not kept breaks its promise, which whoever waits for it learns.
     if (!is_finishing_ && !is_abandoned_) waiting_.push_back(std::move(packaged));
   }
-  changed_.notify_one();
+  changed_.notify_all();
   return done;
 }
 
@@ -30,12 +30,17 @@ std::size_t TaskThread::backlog() const {
   return waiting_.size();
 }
 
+void TaskThread::wait_for_room(std::size_t backlog) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  changed_.wait(lock, [&] { return waiting_.size() <= backlog; });
+}
+
 void TaskThread::finish() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     is_finishing_ = true;
   }
-  changed_.notify_one();
+  changed_.notify_all();
   if (thread_.joinable()) thread_.join();
 }
 
@@ -47,6 +52,7 @@ void TaskThread::work() {
     std::packaged_task<void()> task = std::move(waiting_.front());
     waiting_.pop_front();
     lock.unlock();
+    changed_.notify_all();
     task();
     lock.lock();
   }

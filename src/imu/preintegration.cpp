@@ -112,16 +112,11 @@ void integrate_step(const ImuSample& a, const ImuSample& b, const StepNoise& noi
   out->delta_q = (out->delta_q * so3::exp_q(dt * rate)).normalized();
 }
 
-/// What scale factors, axes, mounting, vibration and clocks do to the acceleration changes with the motion,
-/// and a data sheet's bias walk knows nothing of it. Taken for constant, such errors are averaged into a bias
-/// and a direction of gravity that are both wrong by the same, and part at the next turn [m/s^3/sqrt(Hz)].
-constexpr double kAccelModelWalk = 5e-3;
-
 }  // namespace
 
 ImuNoise noise_of(const SensorConfig& sensor) {
   return {sensor.gyro_noise, sensor.accel_noise, sensor.gyro_bias_walk,
-          std::hypot(sensor.accel_bias_walk, kAccelModelWalk)};
+          std::hypot(sensor.accel_bias_walk, sensor.accel_model_walk)};
 }
 
 namespace {

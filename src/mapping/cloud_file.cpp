@@ -47,15 +47,14 @@ CloudFormat to_cloud_format(const std::string& text) {
 const char* to_text(CloudFormat format) { return format == CloudFormat::kPly ? "ply" : "pcd"; }
 
 void write_cloud(const std::string& path, const std::vector<Point>& points, CloudFormat format) {
-  std::vector<float> data;
-  data.reserve(4 * points.size());
-  for (const Point& point : points)
-    data.insert(data.end(), {point.position.x(), point.position.y(), point.position.z(), point.intensity});
   const std::string temporary = path + ".part";
   std::ofstream out(temporary, std::ios::binary);
   out << map_header(points.size(), format);
-  out.write(reinterpret_cast<const char*>(data.data()),
-            static_cast<std::streamsize>(data.size() * sizeof(float)));
+  for (const Point& point : points) {
+    const std::array<float, 4> record = {point.position.x(), point.position.y(), point.position.z(),
+                                         point.intensity};
+    out.write(reinterpret_cast<const char*>(record.data()), sizeof(record));
+  }
   out.close();
   if (!out || std::rename(temporary.c_str(), path.c_str()) != 0) {
     std::remove(temporary.c_str());

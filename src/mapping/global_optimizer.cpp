@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/mapping/ghost_remover.hpp"
 #include "fdi_lio/mapping/loop_detector.hpp"
 #include "fdi_lio/mapping/loop_verifier.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
@@ -50,14 +51,27 @@ std::vector<Point> moved(const std::vector<Point>& points, const Eigen::Isometry
   return result;
 }
 
-}  // namespace
-
 KeyframeCloud make_keyframe_cloud(const std::vector<Point>& points, const FeatureSet& features,
                                   const Eigen::Isometry3d& T_imu_lidar, double voxel_m) {
-  MapBuilder surface(voxel_m);
+  MapBuilder surface(voxel_m, points.size() / 2);
   surface.add(points, T_imu_lidar);
   const Eigen::Isometry3f T = T_imu_lidar.cast<float>();
   return {surface.points(), moved(features.planes, T), moved(features.edges, T)};
+}
+
+}  // namespace
+
+Keyframe make_keyframe(const EstimateResult& estimate, DeskewedScan scan, const FeatureSet& features,
+                       const Eigen::Isometry3d& T_imu_lidar, double voxel_m) {
+  Keyframe keyframe;
+  keyframe.stamp = estimate.state.stamp;
+  keyframe.T_odom_imu = estimate.state.T_odom_imu();
+  keyframe.covariance = estimate.map_covariance;
+  keyframe.cloud = make_keyframe_cloud(scan.points, features, T_imu_lidar, voxel_m);
+  auto image = std::make_shared<scan::RangeImage>();
+  image->build(&scan);
+  keyframe.image = std::move(image);
+  return keyframe;
 }
 
 class GlobalOptimizer::Implementation {
@@ -66,6 +80,7 @@ class GlobalOptimizer::Implementation {
       : config_(config.loop),
         reporter_(reporter),
         graph_(graph_settings()),
+        ghosts_(config.dynamic, config.sensor.T_imu_lidar()),
         store_(static_cast<std::size_t>(config.loop.cloud_memory_mb) << 20),
         detector_(config.loop),
         verifier_(config),
@@ -75,6 +90,7 @@ class GlobalOptimizer::Implementation {
   void add(Keyframe keyframe);
   void add_fix(const GnssFix& fix) { waiting_fixes_.push_back(fix); }
   void solve();
+  void clean_clouds(bool is_last);
 
   Eigen::Isometry3d correction(std::size_t k) const { return poses_[k] * frames_[k].T_odom_imu.inverse(); }
   Eigen::Isometry3d correct(Stamp stamp, const Eigen::Isometry3d& T_odom_imu) const;
@@ -88,6 +104,7 @@ class GlobalOptimizer::Implementation {
   LoopConfig config_;
   Reporter* reporter_;
   PoseGraph graph_;
+  GhostRemover ghosts_;
   KeyframeStore store_;
   LoopDetector detector_;
   LoopVerifier verifier_;
@@ -148,6 +165,8 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
                                                config_.descriptor_range_m);
   // First what a full disk may stop: then nothing has changed, and what came before can still be saved.
   store_.add(std::move(keyframe.cloud));
+  ghosts_.add(keyframe.T_odom_imu, std::move(keyframe.image), keyframe.begins_session);
+  clean_clouds(false);
   if (frames_.empty()) {
     graph_.add_node(keyframe.T_odom_imu);
     poses_.push_back(keyframe.T_odom_imu);
@@ -168,6 +187,12 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
   detector_.add(place, frames_.back().path_m);
   if (config_.enabled && frames_.back().path_m - searched_at_m_ >= config_.spacing_m) search();
   use_fixes();
+}
+
+void GlobalOptimizer::Implementation::clean_clouds(bool is_last) {
+  while (const auto k = ghosts_.next(is_last)) {
+    if (auto cleaned = ghosts_.clean(*k, *store_.get(*k))) store_.replace(*k, std::move(*cleaned));
+  }
 }
 
 void GlobalOptimizer::Implementation::solve() {
@@ -365,6 +390,7 @@ void GlobalOptimizer::add(Keyframe keyframe) { implementation_->add(std::move(ke
 
 void GlobalOptimizer::add_fix(const GnssFix& fix) { implementation_->add_fix(fix); }
 void GlobalOptimizer::finish() {
+  implementation_->clean_clouds(true);
   if (implementation_->unsolved_fixes_ > 0) implementation_->solve();
 }
 const std::vector<FixResult>& GlobalOptimizer::fixes() const { return implementation_->fixes_; }

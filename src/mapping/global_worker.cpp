@@ -1,5 +1,6 @@
 #include "fdi_lio/mapping/global_worker.hpp"
 
+#include <chrono>
 #include <exception>
 #include <memory>
 #include <utility>
@@ -26,7 +27,17 @@ void GlobalWorker::add_to_map(std::function<void()> action) {
 void GlobalWorker::add(Keyframe keyframe) {
   // A std::function has to be copyable, a keyframe should not be copied.
   const auto shared = std::make_shared<Keyframe>(std::move(keyframe));
-  add_to_map([this, shared] { optimizer_.add(std::move(*shared)); });
+  add([shared] { return std::move(*shared); });
+}
+
+void GlobalWorker::add(std::function<Keyframe()> make) {
+  add_to_map([this, make = std::move(make)] {
+    const auto begin = std::chrono::steady_clock::now();
+    optimizer_.add(make());
+    const std::chrono::duration<double, std::milli> duration = std::chrono::steady_clock::now() - begin;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    durations_ms_.push_back(duration.count());
+  });
 }
 
 void GlobalWorker::add_fix(const GnssFix& fix) {
@@ -40,6 +51,11 @@ std::future<void> GlobalWorker::run(std::function<void(const GlobalOptimizer&)> 
 Eigen::Isometry3d GlobalWorker::T_map_odom() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   return T_map_odom_;
+}
+
+std::vector<double> GlobalWorker::durations_ms() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return durations_ms_;
 }
 
 std::string GlobalWorker::error() const {

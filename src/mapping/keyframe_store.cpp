@@ -46,14 +46,33 @@ KeyframeStore::KeyframeStore(std::size_t memory_limit_bytes) : memory_limit_byte
 KeyframeStore::~KeyframeStore() { close(file_); }
 
 void KeyframeStore::add(KeyframeCloud cloud) {
-  std::vector<float> values;
-  values.reserve(kFloatsPerPoint * cloud.size());
-  for (const auto* points : {&cloud.surface, &cloud.planes, &cloud.edges}) pack(*points, &values);
-  Record record;
-  record.offset = end_;
+  records_.emplace_back();
+  set(records_.size() - 1, std::move(cloud));
+}
+
+void KeyframeStore::replace(std::size_t index, KeyframeCloud cloud) {
+  Record& record = records_.at(index);
+  if (record.cloud) {
+    bytes_in_memory_ -= bytes_of(*record.cloud);
+    recent_.erase(record.place);
+  }
+  set(index, std::move(cloud));
+}
+
+void KeyframeStore::set(std::size_t index, KeyframeCloud cloud) {
+  Record& record = records_[index];
+  record.offset.reset();
   record.surface = static_cast<std::uint32_t>(cloud.surface.size());
   record.planes = static_cast<std::uint32_t>(cloud.planes.size());
   record.edges = static_cast<std::uint32_t>(cloud.edges.size());
+  keep(index, std::make_shared<const KeyframeCloud>(std::move(cloud)));
+}
+
+void KeyframeStore::write(Record* record) {
+  const KeyframeCloud& cloud = *record->cloud;
+  std::vector<float> values;
+  values.reserve(kFloatsPerPoint * cloud.size());
+  for (const auto* points : {&cloud.surface, &cloud.planes, &cloud.edges}) pack(*points, &values);
   const auto* bytes = reinterpret_cast<const char*>(values.data());
   const std::size_t size = values.size() * sizeof(float);
   for (std::size_t done = 0; done < size;) {
@@ -64,9 +83,8 @@ void KeyframeStore::add(KeyframeCloud cloud) {
           "larger one");
     done += static_cast<std::size_t>(written);
   }
+  record->offset = end_;
   end_ += static_cast<std::int64_t>(size);
-  records_.push_back(std::move(record));
-  keep(records_.size() - 1, std::make_shared<const KeyframeCloud>(std::move(cloud)));
 }
 
 std::shared_ptr<const KeyframeCloud> KeyframeStore::get(std::size_t index) {
@@ -80,7 +98,7 @@ std::shared_ptr<const KeyframeCloud> KeyframeStore::get(std::size_t index) {
   auto* bytes = reinterpret_cast<char*>(values.data());
   const std::size_t size = values.size() * sizeof(float);
   for (std::size_t done = 0; done < size;) {
-    const ssize_t got = pread(file_, bytes + done, size - done, record.offset + static_cast<off_t>(done));
+    const ssize_t got = pread(file_, bytes + done, size - done, *record.offset + static_cast<off_t>(done));
     if (got <= 0) throw Error("cannot read the cloud of a keyframe back from the temporary folder");
     done += static_cast<std::size_t>(got);
   }
@@ -100,6 +118,7 @@ void KeyframeStore::keep(std::size_t index, std::shared_ptr<const KeyframeCloud>
   records_[index].place = recent_.begin();
   while (bytes_in_memory_ > memory_limit_bytes_ && recent_.size() > 1) {
     Record& oldest = records_[recent_.back()];
+    if (!oldest.offset) write(&oldest);
     bytes_in_memory_ -= bytes_of(*oldest.cloud);
     oldest.cloud.reset();
     recent_.pop_back();

@@ -14,8 +14,9 @@ constexpr std::size_t kBacklog = 5;
 
 }  // namespace
 
-LocaliserWorker::LocaliserWorker(const Config& config, Session session, ResultCallback on_result)
-    : config_(config), localiser_(config, std::move(session), &reporter_), on_result_(std::move(on_result)) {}
+LocaliserWorker::LocaliserWorker(const Config& config, Session session, Reporter* reporter,
+                                 ResultCallback on_result)
+    : config_(config), localiser_(config, std::move(session), reporter), on_result_(std::move(on_result)) {}
 
 bool LocaliserWorker::wants(Stamp stamp) const {
   if (thread_.backlog() >= kBacklog) return false;

@@ -2,7 +2,9 @@
 
 namespace fdi_lio::mapping {
 
-MapBuilder::MapBuilder(double voxel_m) : voxel_m_(voxel_m) {}
+MapBuilder::MapBuilder(double voxel_m, std::size_t expected_voxels) : voxel_m_(voxel_m) {
+  index_.reserve(expected_voxels);
+}
 
 void MapBuilder::add(const std::vector<Point>& points, const Eigen::Isometry3d& T_map_lidar) {
   const Eigen::Matrix3d R = T_map_lidar.rotation();

@@ -96,9 +96,11 @@ class Findings {
 
 }  // namespace
 
-MapFrame::MapFrame(ros::NodeHandle handle, const Config& config, SensorFrames* frames, bool is_recorded)
+MapFrame::MapFrame(ros::NodeHandle handle, const Config& config, SensorFrames* frames, Reporter* reporter,
+                   bool is_recorded)
     : config_(config),
       frames_(frames),
+      reporter_(reporter),
       blend_(config.nodes.correction_time_constant_s),
       is_recorded_(is_recorded) {
   path_publisher_ = handle.advertise<nav_msgs::Path>("path", 1, true);
@@ -115,7 +117,7 @@ MapFrame::MapFrame(ros::NodeHandle handle, const Config& config, SensorFrames* f
 
 std::shared_ptr<mapping::LocaliserWorker> MapFrame::make_localiser(mapping::Session session) {
   return std::make_shared<mapping::LocaliserWorker>(
-      config_, std::move(session),
+      config_, std::move(session), reporter_,
       [this, publisher = localisation_publisher_](const mapping::LocalisationResult& result) {
         publisher.publish(to_message(result, config_.frames.map));
         const std::lock_guard<std::mutex> lock(mutex_);
@@ -206,7 +208,7 @@ void MapFrame::add(const mapping::EstimateResult& estimate, const FeatureSet& fe
   const Eigen::Isometry3d T_odom_imu = estimate.state.T_odom_imu();
   if (!localiser_ && !global_ && estimate.is_keyframe) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    global_ = std::make_shared<mapping::GlobalWorker>(known);
+    global_ = std::make_shared<mapping::GlobalWorker>(known, reporter_);
   }
   const auto newest = newest_correction();
   if (newest) {
@@ -255,17 +257,13 @@ void MapFrame::take_clouds() {
     const DeskewedCloudConstPtr cloud = take(&clouds_, ros_bridge::to_ros_time(estimate.state.stamp));
     if (!cloud && clouds_.empty()) return;  // it has yet to come
     if (cloud) {
-      const std::vector<Point> points = ros_bridge::to_points(cloud->points);
-      const Eigen::Isometry3d T_imu_lidar = known_->sensor.T_imu_lidar();
-      const Eigen::Isometry3d T_odom_imu = estimate.state.T_odom_imu();
-      mapping::Keyframe keyframe = {
-          estimate.state.stamp, T_odom_imu, estimate.map_covariance,
-          mapping::make_keyframe_cloud(points, waiting_.front().features, T_imu_lidar,
-                                       config_.mapping.output_map_voxel_m)};
+      mapping::Keyframe keyframe =
+          mapping::make_keyframe(estimate, ros_bridge::to_scan(*cloud), waiting_.front().features,
+                                 known_->sensor.T_imu_lidar(), config_.mapping.output_map_voxel_m);
       if (localiser_) {
         localiser_->add(std::move(keyframe));
       } else {
-        display_->add(points, global_->T_map_odom() * T_odom_imu * T_imu_lidar);
+        display_->add(keyframe.cloud.surface, global_->T_map_odom() * keyframe.T_odom_imu);
         global_->add(std::move(keyframe));
         publish_findings();
       }

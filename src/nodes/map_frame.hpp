@@ -33,7 +33,8 @@ class MapFrame {
  public:
   /// With `localisation.session` begins to localise in it. Throws Error when that session is damaged.
   /// `is_recorded`: `write` will be called.
-  MapFrame(ros::NodeHandle handle, const Config& config, SensorFrames* frames, bool is_recorded);
+  MapFrame(ros::NodeHandle handle, const Config& config, SensorFrames* frames, Reporter* reporter,
+           bool is_recorded);
 
   /// An empty map, or the session with its place unknown.
   void begin_anew();
@@ -76,6 +77,7 @@ class MapFrame {
 
   Config config_;
   SensorFrames* frames_;
+  Reporter* reporter_;
   mapping::CorrectionBlend blend_;
   std::deque<DeskewedCloudConstPtr> clouds_;
   std::deque<WaitingScan> waiting_;  ///< for their clouds

@@ -44,7 +44,7 @@ void MappingOptimization::start() {
   odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("odometry/lidar", 50);
   local_map_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("map/local", 1, true);
   reset_publisher_ = handle.advertise<std_msgs::Empty>("mapping/reset", 1);
-  map_ = std::make_unique<MapFrame>(handle, config(), &*frames_, !output_folder().empty());
+  map_ = std::make_unique<MapFrame>(handle, config(), &*frames_, reporter(), !output_folder().empty());
   begin_recording();
   const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
   scan_subscriber_ = handle.subscribe("scan/deskewed", kQueue, &MappingOptimization::on_scan, this, hints);

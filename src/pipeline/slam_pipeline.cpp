@@ -1,6 +1,5 @@
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
 
-#include <chrono>
 #include <utility>
 
 #include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
@@ -16,9 +15,9 @@ class SlamPipeline::Implementation {
   Implementation(const Config& config, Reporter* reporter, OutputCallback on_output, TimingCallback on_timing)
       : config_(config),
         on_output_(std::move(on_output)),
-        on_timing_(std::move(on_timing)),
+        timer_(std::move(on_timing)),
         imu_(config.sensor, reporter),
-        scan_processor_(config, reporter),
+        scan_processor_(config, reporter, timer_),
         extractor_(config, reporter),
         degeneracy_(config, reporter),
         estimator_(config, reporter) {}
@@ -39,29 +38,19 @@ class SlamPipeline::Implementation {
   }
 
  private:
-  template <typename Stage>
-  auto timed(const char* name, const Stage& stage) {
-    const auto begin = std::chrono::steady_clock::now();
-    auto result = stage();
-    on_timing_(name,
-               std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
-    return result;
-  }
-
   void process_waiting() {
     Scan scan = std::move(*waiting_);
     waiting_.reset();
     ScanOutput output;
-    output.scan =
-        timed("deskew", [&] { return scan_processor_.process(std::move(scan), estimator_.state(), imu_); });
-    output.features = timed("features", [&] { return extractor_.extract(output.scan, previous_); });
-    output.degeneracy =
-        timed("degeneracy", [&] { return degeneracy_.estimate(output.scan, output.features, status_); });
-    const auto imu = timed("preintegration", [&] {
+    output.scan = scan_processor_.process(std::move(scan), estimator_.state(), imu_);
+    output.features = timer_.timed("features", [&] { return extractor_.extract(output.scan, previous_); });
+    output.degeneracy = timer_.timed(
+        "degeneracy", [&] { return degeneracy_.estimate(output.scan, output.features, status_); });
+    const auto imu = timer_.timed("preintegration", [&] {
       return imu::preintegrate_scan_interval(imu_, estimator_.state(), output.scan.stamp, config_);
     });
     const auto estimate =
-        timed("mapping", [&] { return estimator_.add(output.features, output.degeneracy, imu); });
+        timer_.timed("mapping", [&] { return estimator_.add(output.features, output.degeneracy, imu); });
     if (!estimate) return;
     previous_ = output.degeneracy;
     status_ = estimate->status;
@@ -69,12 +58,12 @@ class SlamPipeline::Implementation {
     output.estimate = *estimate;
     // The longest stretch that is asked for again: the next interval, or the statistics before the next scan.
     imu_.drop_before(add_seconds(output.scan.stamp, -2.0 * config_.imu.static_duration_s));
-    on_output_(output);
+    on_output_(std::move(output));
   }
 
   Config config_;
   OutputCallback on_output_;
-  TimingCallback on_timing_;
+  StageTimer timer_;
   imu::ImuBuffer imu_;
   scan::ScanProcessor scan_processor_;
   features::FeatureExtractor extractor_;

@@ -34,6 +34,8 @@ class TransformTable {
     }
   }
 
+  const Eigen::Vector3f& sweep_start() const { return translations_.front(); }
+
   void apply(Point* point) const {
     const float position = (point->time_s + duration_s_) / duration_s_ * static_cast<float>(kBins) + 0.5F;
     const int bin = std::clamp(static_cast<int>(position), 0, kBins);
@@ -70,12 +72,14 @@ void sort_ring(std::vector<Point>::iterator begin, std::vector<Point>::iterator 
 
 }  // namespace
 
-void deskew(Scan* scan, const std::vector<imu::NavState>& trajectory, const Eigen::Isometry3d& T_imu_lidar) {
-  if (trajectory.size() < 2 || !scan->has_time || scan->duration_s <= 0.0) return;
+Eigen::Vector3f deskew(Scan* scan, const std::vector<imu::NavState>& trajectory,
+                       const Eigen::Isometry3d& T_imu_lidar) {
+  if (trajectory.size() < 2 || !scan->has_time || scan->duration_s <= 0.0) return Eigen::Vector3f::Zero();
   const TransformTable table(trajectory, scan->stamp, scan->duration_s, T_imu_lidar);
   parallel_chunks(scan->points.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t i = begin; i < end; ++i) table.apply(&scan->points[i]);
   });
+  return table.sweep_start();
 }
 
 DeskewedScan order_by_ring(const Scan& scan) {

@@ -14,22 +14,6 @@ namespace {
 
 constexpr int kColumnStride = 2;    ///< every second column is looked at; the others follow their neighbour
 constexpr float kMostSlope = 0.3F;  ///< of a surface that may be ground
-constexpr int kLeastCells = 4;      ///< of the nine about a direction, that must hold a range
-
-/// Whether all of the nine cells about a direction that hold a range saw farther than `range_m`, and enough
-/// do.
-bool saw_farther(const RangeImage& image, int ring, int column, float range_m) {
-  int filled = 0;
-  for (int r = std::max(0, ring - 1); r <= std::min(image.rings() - 1, ring + 1); ++r) {
-    for (int c = column - 1; c <= column + 1; ++c) {
-      const float range = image.range_at(r, c);
-      if (range <= 0.0F) continue;
-      if (range <= range_m) return false;
-      ++filled;
-    }
-  }
-  return filled >= kLeastCells;
-}
 
 /// Groups cells of one image that touch. Cells are (ring, column / kColumnStride).
 class ObjectGrower {
@@ -159,7 +143,7 @@ std::vector<RemovalReason> DynamicFilter::plain(const DeskewedScan& scan, const 
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
     if (scan.intensity_gradient[i] <= threshold) continue;
     const Point& point = scan.points[i];
-    const float range = point.position.norm();
+    const float range = image.range_at(point.ring, point.column);
     const auto limit = static_cast<float>(config_.safety_factor * config_.range_jump) * range;
     float jump = 0.0F;
     float distance = 0.0F;
@@ -217,7 +201,7 @@ std::vector<DynamicFilter::Evidence> DynamicFilter::weigh(const std::vector<Eige
         const float centre = each->image.range_at(seen.ring[at], seen.column[at]);
         if (centre > 0.0F && std::abs(centre - range) <= 0.5F * margin) {
           ++fixed[first + k];
-        } else if (saw_farther(each->image, seen.ring[at], seen.column[at], range + margin)) {
+        } else if (each->image.saw_farther(seen.ring[at], seen.column[at], range + margin)) {
           ++free[first + k];
         }
       }

@@ -151,7 +151,7 @@ void PointCloudReader::set_times_by_azimuth(Stamp header, Scan* scan) const {
 }
 
 void PointCloudReader::report_layout(const CloudLayout& layout) {
-  if (reporter_->notices().count("cloud_layout") != 0) return;
+  if (reporter_->has("cloud_layout")) return;
   const auto name = [](const RawField* field, const std::string& otherwise) {
     return field != nullptr ? "'" + field->name + "'" : otherwise;
   };

@@ -15,6 +15,9 @@ constexpr int kMinColumns = 180;
 constexpr int kMaxColumns = 4096;
 constexpr double kColumnTolerance = 0.15;
 constexpr std::size_t kSpacingStride = 7;
+constexpr int kOriginRounds = 2;
+constexpr int kLeastCells =
+    4;  ///< of the nine about a direction, that must hold a range to say what lies there
 
 /// Without branches, so that the compiler computes several at a time.
 inline float branchless_atan2(float y, float x) {
@@ -40,6 +43,17 @@ inline int column_of(float x, float y, int columns) {
 /// Bin of RangeImage's table of elevations.
 inline int elevation_bin(float sine, int bins) {
   return std::min(std::max(static_cast<int>((sine + 1.0F) * 0.5F * static_cast<float>(bins)), 0), bins - 1);
+}
+
+/// How long ago a point was seen, as a share of the sweep.
+float ago(const DeskewedScan& scan, const Point& point) {
+  return scan.duration_s > 0.0 ? std::clamp(-point.time_s / static_cast<float>(scan.duration_s), 0.0F, 1.0F)
+                               : 0.0F;
+}
+
+/// A point as seen from where the lidar was then.
+Eigen::Vector3f from_origin(const DeskewedScan& scan, const Point& point) {
+  return point.position - ago(scan, point) * scan.sweep_start;
 }
 
 }  // namespace
@@ -75,7 +89,8 @@ void RangeImage::learn_elevations(const DeskewedScan& scan) {
     double sum = 0.0;
     std::uint32_t count = 0;
     for (std::uint32_t i = scan.ring_begin[ring]; i < scan.ring_begin[ring + 1]; i += 5) {
-      sum += scan.points[i].position.z() / scan.points[i].position.norm();
+      const Eigen::Vector3f direction = from_origin(scan, scan.points[i]);
+      sum += direction.z() / direction.norm();
       ++count;
     }
     if (count > 0) beams.push_back({static_cast<float>(sum / count), ring});
@@ -108,7 +123,7 @@ void RangeImage::build(DeskewedScan* scan) {
       for (std::uint32_t first = scan->ring_begin[ring]; first < last; first += Directions::kSize) {
         const int size = static_cast<int>(std::min<std::uint32_t>(Directions::kSize, last - first));
         for (int k = 0; k < size; ++k)
-          block.set(k, scan->points[first + static_cast<std::uint32_t>(k)].position);
+          block.set(k, from_origin(*scan, scan->points[first + static_cast<std::uint32_t>(k)]));
         project(&block);
         for (int k = 0; k < size; ++k) {
           const std::uint32_t i = first + static_cast<std::uint32_t>(k);
@@ -122,6 +137,53 @@ void RangeImage::build(DeskewedScan* scan) {
     }
   });
   learn_elevations(*scan);
+  learn_origins(*scan);
+}
+
+void RangeImage::learn_origins(const DeskewedScan& scan) {
+  sweep_start_ = scan.sweep_start;
+  seen_ago_.assign(static_cast<std::size_t>(columns_), -1.0F);
+  for (const Point& point : scan.points) seen_ago_[point.column] = ago(scan, point);
+  // Columns without a point are as old as the one before; two rounds, since it may be at the other end.
+  float last = 0.0F;
+  for (int round = 0; round < 2; ++round) {
+    for (float& each : seen_ago_) {
+      if (each >= 0.0F) last = each;
+      if (each < 0.0F && round == 1) each = last;
+    }
+  }
+}
+
+void RangeImage::move_to_origins(Directions* directions) const {
+  constexpr float kNegligible_m = 0.02F;
+  if (sweep_start_.squaredNorm() < kNegligible_m * kNegligible_m) return;
+  Directions& d = *directions;
+  const Directions::Floats x = d.x;
+  const Directions::Floats y = d.y;
+  const Directions::Floats z = d.z;
+  // The origin tells the column, which tells the origin.
+  for (int round = 0; round < kOriginRounds; ++round) {
+    project(directions);
+    for (int k = 0; k < Directions::kSize; ++k) {
+      const Eigen::Vector3f from = origin(d.column[k]);
+      d.x[k] = x[k] - from.x();
+      d.y[k] = y[k] - from.y();
+      d.z[k] = z[k] - from.z();
+    }
+  }
+}
+
+bool RangeImage::saw_farther(int ring, int column, float range_m) const {
+  int filled = 0;
+  for (int r = std::max(0, ring - 1); r <= std::min(rings_ - 1, ring + 1); ++r) {
+    for (int c = column - 1; c <= column + 1; ++c) {
+      const float range = range_at(r, c);
+      if (range <= 0.0F) continue;
+      if (range <= range_m) return false;
+      ++filled;
+    }
+  }
+  return filled >= kLeastCells;
 }
 
 void RangeImage::project(Directions* directions) const {
@@ -140,6 +202,7 @@ void RangeImage::look_at(const Eigen::Isometry3f& T, Directions* directions) con
   d.z = R(2, 0) * d.x + R(2, 1) * d.y + R(2, 2) * d.z + t.z();
   d.x = x;
   d.y = y;
+  move_to_origins(directions);
   project(directions);
   const Directions::Floats sine = d.z / d.range_m.max(std::numeric_limits<float>::min());
   for (int k = 0; k < Directions::kSize; ++k) d.ring[k] = elevation_bin(sine[k], kElevationBins);

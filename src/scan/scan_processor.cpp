@@ -8,22 +8,41 @@
 
 namespace fdi_lio::scan {
 
-ScanProcessor::ScanProcessor(const Config& config, Reporter* reporter)
+ScanProcessor::ScanProcessor(const Config& config, Reporter* reporter, StageTimer timer)
     : config_(config),
       reporter_(reporter),
+      timer_(std::move(timer)),
       intensity_(config.intensity, reporter),
       gradient_(config.gradient),
       smoother_(config.gradient),
       dynamic_(config.dynamic) {}
 
-DeskewedScan ScanProcessor::process(Scan scan, const std::optional<imu::NavState>& state,
+DeskewedScan ScanProcessor::process(Scan scan, const std::optional<imu::NavState>& newest,
                                     const imu::ImuBuffer& imu) {
-  const Stamp scan_begin = add_seconds(scan.stamp, -scan.duration_s);
+  const bool has_state = newest && newest->stamp < scan.stamp && !is_jump(newest->stamp, scan.stamp);
+  const std::optional<imu::NavState> state = has_state ? newest : std::nullopt;
+  const std::vector<imu::NavState> trajectory = predict(scan, state, imu);
+  DeskewedScan ordered = timer_.timed("deskew", [&] { return make_ordered(&scan, trajectory); });
+  const Eigen::Isometry3d T_imu_lidar = config_.sensor.T_imu_lidar();
+  const Eigen::Isometry3d T_odom_lidar = trajectory.back().T_odom_imu() * T_imu_lidar;
+  std::optional<Eigen::Isometry3d> T_previous_lidar;
+  if (state && state->stamp == previous_stamp_)
+    T_previous_lidar = (state->T_odom_imu() * T_imu_lidar).inverse() * T_odom_lidar;
+  previous_stamp_ = scan.stamp;
+  timer_.timed("intensity", [&] { add_intensity(T_previous_lidar, &ordered); });
+  timer_.timed("dynamic", [&] {
+    if (state) dynamic_.correct_newest(state->stamp, state->T_odom_imu() * T_imu_lidar);
+    remove_points(dynamic_.classify(ordered, image_, T_odom_lidar), &ordered);
+  });
+  return ordered;
+}
+
+std::vector<imu::NavState> ScanProcessor::predict(const Scan& scan, const std::optional<imu::NavState>& state,
+                                                  const imu::ImuBuffer& imu) const {
   // Without an estimate the gyro alone turns the first scan about a point that stands still.
   imu::NavState from;
-  from.stamp = scan_begin;
-  const bool has_state = state && state->stamp < scan.stamp && !is_jump(state->stamp, scan.stamp);
-  if (has_state) from = *state;
+  from.stamp = add_seconds(scan.stamp, -scan.duration_s);
+  if (state) from = *state;
   const std::vector<imu::ImuSample> readings = imu.between(from.stamp, scan.stamp);
   const double lacking_s =
       readings.empty() ? scan.duration_s : seconds_between(readings.back().stamp, scan.stamp);
@@ -33,20 +52,14 @@ DeskewedScan ScanProcessor::process(Scan scan, const std::optional<imu::NavState
         "IMU readings end before the scan does (longer than imu.max_gap): the rest is deskewed with "
         "constant velocity");
   }
-  const std::vector<imu::NavState> trajectory = imu::propagate(from, readings, scan.stamp);
-  const Eigen::Isometry3d T_imu_lidar = config_.sensor.T_imu_lidar();
-  deskew(&scan, trajectory, T_imu_lidar);
-  DeskewedScan ordered = order_by_ring(scan);
-  std::optional<Eigen::Isometry3d> T_previous_lidar;
-  if (has_state && state->stamp == previous_stamp_) {
-    T_previous_lidar =
-        (state->T_odom_imu() * T_imu_lidar).inverse() * trajectory.back().T_odom_imu() * T_imu_lidar;
-  }
-  previous_stamp_ = scan.stamp;
-  if (has_state) dynamic_.correct_newest(state->stamp, state->T_odom_imu() * T_imu_lidar);
+  return imu::propagate(from, readings, scan.stamp);
+}
+
+DeskewedScan ScanProcessor::make_ordered(Scan* scan, const std::vector<imu::NavState>& trajectory) {
+  const Eigen::Vector3f sweep_start = deskew(scan, trajectory, config_.sensor.T_imu_lidar());
+  DeskewedScan ordered = order_by_ring(*scan);
+  ordered.sweep_start = sweep_start;
   image_.build(&ordered);
-  add_intensity(T_previous_lidar, &ordered);
-  remove_points(dynamic_.classify(ordered, image_, trajectory.back().T_odom_imu() * T_imu_lidar), &ordered);
   return ordered;
 }
 

@@ -318,7 +318,7 @@ void VelodynePacketReader::report_blocks(std::size_t bad, std::size_t all, const
 }
 
 void VelodynePacketReader::report_format(bool is_dual, const PacketTimes& times) {
-  if (reporter_->notices().count("cloud_layout") != 0) return;
+  if (reporter_->has("cloud_layout")) return;
   reporter_->report(
       Severity::kInfo, "cloud_layout",
       std::string("lidar format: VLP-16 packets with ") +

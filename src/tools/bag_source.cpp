@@ -2,16 +2,20 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <filesystem>
 #include <map>
 #include <optional>
 #include <set>
+#include <thread>
 #include <utility>
+#include <variant>
 
 #include <rosbag/view.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/NavSatFix.h>
 
+#include "fdi_lio/common/bounded_queue.hpp"
 #include "fdi_lio/common/error.hpp"
 #include "fdi_lio/ros/conversions.hpp"
 #include "fdi_lio/ros/scan_reader.hpp"
@@ -75,25 +79,93 @@ std::string find_lidar(const std::map<std::string, std::string>& types, const st
   return fitting.front();
 }
 
-/// Gives one message to the callback it is for.
-void hand_over(const rosbag::MessageInstance& message, const SensorConfig& sensor,
-               ros_bridge::ScanReader* reader, const BagCallbacks& callbacks) {
+/// Messages that are read ahead.
+constexpr std::size_t kReadAhead = 64;
+
+/// One message of the recording, decoded.
+struct Decoded {
+  double position_s = 0.0;  ///< receive time since the start
+  std::variant<std::monostate, imu::ImuSample, mapping::GnssFix, Scan> content;
+  std::optional<double> read_ms;  ///< of a lidar message, which may be a part of a scan
+};
+
+Decoded decode(const rosbag::MessageInstance& message, const SensorConfig& sensor,
+               ros_bridge::ScanReader* reader) {
+  Decoded decoded;
   if (message.getTopic() == sensor.imu_topic) {
     if (const auto imu = message.instantiate<sensor_msgs::Imu>())
-      callbacks.on_imu(ros_bridge::to_imu_sample(*imu));
-    return;
+      decoded.content = ros_bridge::to_imu_sample(*imu);
+    return decoded;
   }
   if (message.getTopic() == sensor.gnss_topic) {
     if (const auto fix = message.instantiate<sensor_msgs::NavSatFix>())
-      callbacks.on_fix(ros_bridge::to_gnss_fix(*fix));
-    return;
+      decoded.content = ros_bridge::to_gnss_fix(*fix);
+    return decoded;
   }
   const auto started = std::chrono::steady_clock::now();
-  std::optional<Scan> scan = reader->read(message);
-  callbacks.on_timing(
-      "read", std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count());
-  if (scan) callbacks.on_scan(std::move(*scan));
+  if (std::optional<Scan> scan = reader->read(message)) decoded.content = std::move(*scan);
+  decoded.read_ms =
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count();
+  return decoded;
 }
+
+/// Decodes the messages of `view` until its end, or until the queue is closed.
+void decode_all(rosbag::View* view, const ros::Time& begin, const SensorConfig& sensor, Reporter* reporter,
+                BoundedQueue<Decoded>* queue) {
+  ros_bridge::ScanReader reader(sensor, reporter);
+  try {
+    for (const rosbag::MessageInstance& message : *view) {
+      Decoded decoded;
+      try {
+        decoded = decode(message, sensor, &reader);
+      } catch (const ros::serialization::StreamOverrunException&) {
+        reporter->report(Severity::kWarning, "message_damaged",
+                         "a message on " + message.getTopic() + " was dropped: it is shorter than it says");
+      }
+      decoded.position_s = (message.getTime() - begin).toSec();
+      if (!queue->push(std::move(decoded))) return;
+    }
+  } catch (const rosbag::BagException& error) {
+    throw Error(std::string("the recording cannot be read to its end (") + error.what() +
+                "): the file is damaged, copy it again, or keep what can be read with `rosbag filter`");
+  }
+}
+
+/// A thread that decodes messages ahead of their use.
+class ReadAhead {
+ public:
+  ReadAhead(rosbag::View* view, const ros::Time& begin, const SensorConfig& sensor, Reporter* reporter)
+      : queue_(kReadAhead), thread_([=, &sensor] {
+          try {
+            decode_all(view, begin, sensor, reporter, &queue_);
+          } catch (...) {
+            problem_ = std::current_exception();
+          }
+          queue_.close();
+        }) {}
+  ~ReadAhead() { join(); }
+  ReadAhead(const ReadAhead&) = delete;
+  ReadAhead& operator=(const ReadAhead&) = delete;
+
+  /// The next message; nothing at the end. Throws what ended the reading.
+  std::optional<Decoded> next() {
+    std::optional<Decoded> decoded = queue_.pop();
+    if (decoded) return decoded;
+    join();
+    if (problem_) std::rethrow_exception(std::exchange(problem_, nullptr));
+    return std::nullopt;
+  }
+
+ private:
+  void join() {
+    queue_.close();
+    if (thread_.joinable()) thread_.join();
+  }
+
+  BoundedQueue<Decoded> queue_;
+  std::exception_ptr problem_;
+  std::thread thread_;  ///< last: it uses what is above
+};
 
 }  // namespace
 
@@ -143,20 +215,13 @@ void BagSource::read(double start_s, double duration_s, Reporter* reporter, cons
   if (callbacks.on_fix) names.push_back(sensor_.gnss_topic);
   const rosbag::TopicQuery topics(names);
   for (const auto& bag : bags_) view.addQuery(*bag, topics, begin, end);
-  ros_bridge::ScanReader reader(sensor_, reporter);
-  try {
-    for (const rosbag::MessageInstance& message : view) {
-      try {
-        hand_over(message, sensor_, &reader, callbacks);
-      } catch (const ros::serialization::StreamOverrunException&) {
-        reporter->report(Severity::kWarning, "message_damaged",
-                         "a message on " + message.getTopic() + " was dropped: it is shorter than it says");
-      }
-      if (!callbacks.on_progress((message.getTime() - begin).toSec())) return;
-    }
-  } catch (const rosbag::BagException& error) {
-    throw Error(std::string("the recording cannot be read to its end (") + error.what() +
-                "): the file is damaged, copy it again, or keep what can be read with `rosbag filter`");
+  ReadAhead messages(&view, begin, sensor_, reporter);
+  while (std::optional<Decoded> message = messages.next()) {
+    if (message->read_ms) callbacks.on_timing("read", *message->read_ms);
+    if (const auto* sample = std::get_if<imu::ImuSample>(&message->content)) callbacks.on_imu(*sample);
+    if (const auto* fix = std::get_if<mapping::GnssFix>(&message->content)) callbacks.on_fix(*fix);
+    if (auto* scan = std::get_if<Scan>(&message->content)) callbacks.on_scan(std::move(*scan));
+    if (!callbacks.on_progress(message->position_s)) return;
   }
 }
 

@@ -44,8 +44,9 @@ class BagSource {
   /// IMU topic the same goes to `reporter`: an IMU elsewhere on the robot would need another extrinsic.
   BagSource(const std::vector<std::string>& paths, const SensorConfig& sensor, Reporter* reporter);
 
-  /// Reads [start_s, start_s + duration_s] of the recording; a duration of 0 or less means to the end. What
-  /// is wrong with messages is reported to `reporter`. Throws Error where the file is damaged.
+  /// Reads [start_s, start_s + duration_s] of the recording; a duration of 0 or less means to the end. A
+  /// thread decodes ahead; the callbacks are called in this one. What is wrong with messages is reported to
+  /// `reporter`. Throws Error where the file is damaged.
   void read(double start_s, double duration_s, Reporter* reporter, const BagCallbacks& callbacks);
 
   /// Length of what `read` would read.

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -18,6 +19,8 @@
 
 #include "fdi_lio/common/config_io.hpp"
 #include "fdi_lio/common/error.hpp"
+#include "fdi_lio/mapping/global_optimizer.hpp"
+#include "fdi_lio/mapping/map_builder.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
 #include "fdi_lio/ros/conversions.hpp"
 #include "fdi_lio/scan/point_cloud_reader.hpp"
@@ -32,7 +35,8 @@ const char* const kUsage =
     "S]\n"
     "Runs a recording of simulate_bag through the system and compares the points that it removes as moving\n"
     "with the truth in FILE.labels. Prints JSON: shares of moving points removed and of static points kept,\n"
-    "and of the map's voxels that only moving points filled (ghosts).\n"
+    "of the map's voxels that only moving points filled (ghosts), in the scans and\n"
+    "in the map as it is saved, and of the others that are saved.\n"
     "Exit code: 0 done, 2 not possible as asked (the message says why).\n";
 
 /// The labels that simulate_bag writes beside a recording, scan by scan.
@@ -86,22 +90,21 @@ std::uint64_t key_of(const Point& point) {
 /// Counts over the recording.
 class Score {
  public:
-  Score(double voxel_m, const Eigen::Isometry3d& T_imu_lidar)
-      : voxel_m_(voxel_m), T_imu_lidar_(T_imu_lidar) {}
+  Score(const fdi_lio::Config& config, fdi_lio::Reporter* reporter)
+      : config_(config), before_(voxel_m()), map_(config, reporter) {}
 
   void expect(fdi_lio::Stamp stamp, std::unordered_map<std::uint64_t, bool> is_moving) {
     expected_[stamp] = std::move(is_moving);
   }
 
-  void add(const fdi_lio::pipeline::ScanOutput& output) {
+  void add(fdi_lio::pipeline::ScanOutput output) {
     const auto entry = expected_.find(output.scan.stamp);
     if (entry == expected_.end()) return;
     const auto& is_moving = entry->second;
-    const Eigen::Isometry3d T = output.estimate.state.T_odom_imu() * T_imu_lidar_;
-    for (const Point& point : output.scan.points) {
+    for (Point& point : output.scan.points) {
       const bool moving = is_moving.at(key_of(point));
       ++(moving ? moving_kept_ : static_kept_);
-      if (output.estimate.is_keyframe) fill(T * point.position.cast<double>(), moving);
+      point.intensity = moving ? kMoving : 0.0F;  // the keyframes' clouds then tell, in each voxel
     }
     for (std::size_t i = 0; i < output.scan.removed.size(); ++i) {
       const bool moving = is_moving.at(key_of(output.scan.removed[i]));
@@ -109,19 +112,32 @@ class Score {
       ++by_reason_[static_cast<int>(output.scan.removal_reasons[i])][moving ? 1 : 0];
     }
     expected_.erase(expected_.begin(), std::next(entry));
+    if (!output.estimate.is_keyframe) return;
+    fdi_lio::mapping::Keyframe keyframe = fdi_lio::mapping::make_keyframe(
+        output.estimate, std::move(output.scan), {}, config_.sensor.T_imu_lidar(), voxel_m());
+    before_.add(keyframe.cloud.surface, keyframe.T_odom_imu);
+    map_.add(std::move(keyframe));
   }
 
-  void print(std::ostream& out) const {
+  void print(std::ostream& out) {
     const auto share = [](std::uint64_t part, std::uint64_t rest) {
       return part + rest > 0 ? static_cast<double>(part) / static_cast<double>(part + rest) : 1.0;
     };
-    std::uint64_t ghosts = 0;
-    for (const auto& voxel : voxels_) ghosts += voxel.second ? 0 : 1;
+    map_.finish();
+    fdi_lio::mapping::MapBuilder after(voxel_m());
+    for (std::size_t k = 0; k < map_.size(); ++k) after.add(map_.cloud(k)->surface, map_.T_odom_imu(k));
+    const std::uint64_t ghosts = ghosts_of(after);
+    const std::uint64_t ghosts_before = ghosts_of(before_);
+    const std::uint64_t fixed = after.size() - ghosts;
+    const std::uint64_t fixed_before = before_.size() - ghosts_before;
     out << "{\n  \"moving_points\": " << moving_removed_ + moving_kept_
         << ",\n  \"static_points\": " << static_removed_ + static_kept_
         << ",\n  \"moving_removed\": " << share(moving_removed_, moving_kept_)
         << ",\n  \"static_kept\": " << share(static_kept_, static_removed_)
-        << ",\n  \"ghost_voxels\": " << share(ghosts, voxels_.size() - ghosts) << ",\n  \"reasons\": {";
+        << ",\n  \"ghost_voxels_of_scans\": " << share(ghosts_before, fixed_before)
+        << ",\n  \"ghost_voxels\": " << share(ghosts, fixed)
+        << ",\n  \"static_voxels_kept\": " << share(fixed, fixed_before - std::min(fixed, fixed_before))
+        << ",\n  \"reasons\": {";
     const char* separator = "";
     for (const auto& [reason, counts] : by_reason_) {
       out << separator << "\"" << reason << "\": {\"static\": " << counts[0] << ", \"moving\": " << counts[1]
@@ -132,24 +148,27 @@ class Score {
   }
 
  private:
-  void fill(const Eigen::Vector3d& p, bool moving) {
-    std::uint64_t key = 0;
-    for (int axis = 0; axis < 3; ++axis)
-      key = key << 21U | (static_cast<std::uint64_t>(std::floor(p[axis] / voxel_m_)) & 0x1fffffU);
-    bool& has_static = voxels_[key];
-    has_static = has_static || !moving;
+  static constexpr float kMoving = 1.0F;
+
+  double voxel_m() const { return config_.mapping.output_map_voxel_m; }
+
+  /// Voxels that only moving points filled.
+  static std::uint64_t ghosts_of(const fdi_lio::mapping::MapBuilder& map) {
+    const std::vector<Point> voxels = map.points();
+    return static_cast<std::uint64_t>(std::count_if(
+        voxels.begin(), voxels.end(), [](const Point& p) { return p.intensity > 0.999F * kMoving; }));
   }
 
-  double voxel_m_;
-  Eigen::Isometry3d T_imu_lidar_;
+  fdi_lio::Config config_;
+  fdi_lio::mapping::MapBuilder before_;    ///< of the scans as the filter left them
+  fdi_lio::mapping::GlobalOptimizer map_;  ///< what is saved
   std::map<fdi_lio::Stamp, std::unordered_map<std::uint64_t, bool>> expected_;
-  std::unordered_map<std::uint64_t, bool> voxels_;  ///< whether a static point filled it
   std::map<int, std::array<std::uint64_t, 2>> by_reason_;
   std::uint64_t moving_kept_ = 0, moving_removed_ = 0, static_kept_ = 0, static_removed_ = 0;
 };
 
 int run(const fdi_lio::tools::BagOptions& options) {
-  const fdi_lio::Config config = fdi_lio::load_config(options.config, options.overrides);
+  fdi_lio::Config config = fdi_lio::load_config(options.config, options.overrides);
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
                                     static_cast<std::size_t>(config.threads));
   const std::string& path = options.bags.at(0);
@@ -158,9 +177,10 @@ int run(const fdi_lio::tools::BagOptions& options) {
   fdi_lio::Reporter reporter, quiet;
   fdi_lio::scan::PointCloudReader reader(config.sensor, &reporter);
   fdi_lio::scan::PointCloudReader label_reader(config.sensor, &quiet);
-  Score score(config.mapping.output_map_voxel_m, config.sensor.T_imu_lidar());
+  config.loop.enabled = false;  // the voxels are those of the odometry
+  Score score(config, &reporter);
   fdi_lio::pipeline::SlamPipeline pipeline(
-      config, &reporter, [&score](const fdi_lio::pipeline::ScanOutput& output) { score.add(output); },
+      config, &reporter, [&score](fdi_lio::pipeline::ScanOutput output) { score.add(std::move(output)); },
       [](const std::string&, double) {});
   rosbag::View whole(bag);
   const ros::Time begin = whole.getBeginTime() + ros::Duration(options.start_s);

@@ -8,42 +8,56 @@
 
 namespace fdi_lio::tools {
 
-SlamRun::Part::Part(const Config& config, const std::string& output, double begin, Reporter* reporter)
-    : begin_s(begin),
+namespace {
+
+/// Scans that may wait for the map: each holds its points.
+constexpr std::size_t kBacklog = 20;
+
+}  // namespace
+
+SlamRun::Part::Part(const Config& settings, const std::string& output, double begin, Reporter* reporter)
+    : config(settings),
+      begin_s(begin),
       directory(output, config),
       global(config, reporter),
       pipeline(
-          config, reporter, [this, config](const pipeline::ScanOutput& result) { add(config, result); },
+          config, reporter, [this](pipeline::ScanOutput result) { add(std::move(result)); },
           [this](const std::string& stage, double ms) { times.add(stage, ms); }) {
   const std::string& session = config.localisation.session;
   if (!session.empty())
     localiser = std::make_unique<mapping::Localiser>(config, mapping::load_session(session), reporter);
 }
 
-void SlamRun::Part::add(const Config& config, const pipeline::ScanOutput& output) {
+void SlamRun::Part::add(pipeline::ScanOutput output) {
   directory.add(output);
-  const imu::NavState& state = output.estimate.state;
+  const imu::NavState state = output.estimate.state;
   const bool is_due = localiser && localiser->is_due(state.stamp, state.T_odom_imu());
   if (output.estimate.is_keyframe || is_due) {
-    const auto begin = std::chrono::steady_clock::now();
-    mapping::Keyframe keyframe = {
-        state.stamp, state.T_odom_imu(), output.estimate.map_covariance,
-        mapping::make_keyframe_cloud(output.scan.points, output.features, config.sensor.T_imu_lidar(),
-                                     config.mapping.output_map_voxel_m)};
+    const auto make = [this, output = std::make_shared<pipeline::ScanOutput>(std::move(output))] {
+      return mapping::make_keyframe(output->estimate, std::move(output->scan), output->features,
+                                    config.sensor.T_imu_lidar(), config.mapping.output_map_voxel_m);
+    };
     if (localiser) {
-      localise(keyframe);
+      localise(make());
     } else {
-      global.add(std::move(keyframe));
+      add_to_map(make);
     }
-    times.add("global",
-              std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
   }
   if (localiser && localiser->T_map_odom())
     localised.push_back({state.stamp, *localiser->T_map_odom() * state.T_odom_imu()});
 }
 
+void SlamRun::Part::add_to_map(std::function<mapping::Keyframe()> make) {
+  if (const std::string error = global.error(); !error.empty()) throw Error(error);
+  global.wait_for_room(kBacklog);
+  global.add(std::move(make));
+}
+
 void SlamRun::Part::localise(const mapping::Keyframe& scan) {
+  const auto begin = std::chrono::steady_clock::now();
   if (const auto result = localiser->add(scan)) registrations.push_back(*result);
+  times.add("global",
+            std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
 }
 
 void SlamRun::set_initial_pose(const mapping::InitialPose& pose) {
@@ -95,17 +109,19 @@ void SlamRun::finish() {
   }
   const double wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - part_->began).count();
+  for (const double ms : part_->global.durations_ms()) part_->times.add("global", ms);
   part_->directory.write_timing(part_->times, wall_s, position_s_ - part_->begin_s);
   part_->directory.write_warnings(*reporter_);
+  if (const std::string error = part_->global.error(); !error.empty()) throw Error(error);
 }
 
 void SlamRun::write_map() {
-  part_->global.finish();
-  part_->directory.write_global(part_->global, config_.mapping.output_map_voxel_m);
+  const mapping::GlobalOptimizer& global = part_->global.finish();
+  part_->directory.write_global(global, config_.mapping.output_map_voxel_m);
   if (!config_.loop.save_session) return;
   mapping::SessionOptions options;
   options.map_voxel_m = config_.mapping.output_map_voxel_m;
-  mapping::save_session(part_->global, options, free_path((part_->directory.path() / "session").string()));
+  mapping::save_session(global, options, free_path((part_->directory.path() / "session").string()));
 }
 
 }  // namespace fdi_lio::tools

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -11,7 +12,7 @@
 #include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/evaluation/stage_times.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
-#include "fdi_lio/mapping/global_optimizer.hpp"
+#include "fdi_lio/mapping/global_worker.hpp"
 #include "fdi_lio/mapping/localiser.hpp"
 #include "fdi_lio/pipeline/run_directory.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
@@ -20,8 +21,9 @@ namespace fdi_lio::tools {
 
 /// The pipeline over one recording, with its results in a folder. Like the nodes it drops scans whose stamps
 /// do not follow, and begins anew where stamps jump for good (a recording that was started again, a clock
-/// that was set): the results from there on go to OUTPUT_2, OUTPUT_3, ... With `localisation.session` no map
-/// is made: the poses are those in the session.
+/// that was set): the results from there on go to OUTPUT_2, OUTPUT_3, ... The map is made in a thread of its
+/// own, which changes no result. With `localisation.session` no map is made: the poses are those in the
+/// session.
 class SlamRun {
  public:
   /// Makes the folder `output`. Throws Error when it cannot be made or written, or when the session to
@@ -58,13 +60,15 @@ class SlamRun {
   struct Part {
     Part(const Config& config, const std::string& output, double begin_s, Reporter* reporter);
 
-    void add(const Config& config, const pipeline::ScanOutput& output);
+    void add(pipeline::ScanOutput output);
+    void add_to_map(std::function<mapping::Keyframe()> make);
     void localise(const mapping::Keyframe& scan);
 
+    Config config;
     double begin_s;  ///< position in the recording
     std::chrono::steady_clock::time_point began = std::chrono::steady_clock::now();
     pipeline::RunDirectory directory;
-    mapping::GlobalOptimizer global;
+    mapping::GlobalWorker global;
     std::unique_ptr<mapping::Localiser> localiser;   ///< in place of `global`
     std::vector<evaluation::StampedPose> localised;  ///< T_map_imu of every scan since the place was found
     std::vector<mapping::LocalisationResult> registrations;

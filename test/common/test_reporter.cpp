@@ -1,3 +1,5 @@
+#include <thread>
+
 #include <gtest/gtest.h>
 
 #include "fdi_lio/common/reporter.hpp"
@@ -14,6 +16,19 @@ TEST(Reporter, CountsEveryOccurrenceButHandsOutPowersOfTen) {
   }
   EXPECT_EQ(reporter.notices().at("key").count, 150U);
   EXPECT_EQ(handed_out, 3U);  // 1, 10, 100
+}
+
+TEST(Reporter, ThreadsMayShareOne) {
+  Reporter reporter;
+  const auto report = [&reporter] {
+    for (int i = 0; i < 10000; ++i) reporter.report(Severity::kInfo, "key", "text");
+  };
+  std::thread other(report);
+  report();
+  other.join();
+  EXPECT_TRUE(reporter.has("key"));
+  EXPECT_FALSE(reporter.has("another"));
+  EXPECT_EQ(reporter.notices().at("key").count, 20000U);
 }
 
 }  // namespace

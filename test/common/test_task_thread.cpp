@@ -20,6 +20,18 @@ TEST(TaskThread, DoesTasksInOrderAndFinishWaitsForThem) {
   for (int k = 0; k < 100; ++k) EXPECT_EQ(done[static_cast<std::size_t>(k)], k);
 }
 
+TEST(TaskThread, WaitsUntilThereIsRoom) {
+  TaskThread thread;
+  int done = 0;  // written by the tasks only, and read when they are done
+  for (int k = 0; k < 1000; ++k) {
+    thread.push([&done] { ++done; });
+    thread.wait_for_room(2);
+    EXPECT_LE(thread.backlog(), 2U);
+  }
+  thread.finish();
+  EXPECT_EQ(done, 1000);
+}
+
 TEST(TaskThread, WhatATaskThrowsComesOutOfTheFutureAndTheNextIsDone) {
   TaskThread thread;
   std::future<void> bad = thread.push([] { throw std::runtime_error("bad"); });

@@ -12,8 +12,7 @@ class Buffer : public testing::Test {
  protected:
   ImuSample at(double t) const { return SyntheticMotion().sample(t); }
   std::uint64_t count(const std::string& key) const {
-    const auto notice = reporter_.notices().find(key);
-    return notice == reporter_.notices().end() ? 0 : notice->second.count;
+    return reporter_.has(key) ? reporter_.notices().at(key).count : 0;
   }
 
   Reporter reporter_;

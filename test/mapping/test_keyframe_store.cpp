@@ -38,6 +38,21 @@ TEST(KeyframeStore, GivesBackWhatWasPagedOut) {
   EXPECT_THROW(store.get(50), std::out_of_range);
 }
 
+TEST(KeyframeStore, AnotherCloudTakesThePlace) {
+  constexpr std::size_t kLimit = 3 * 113 * sizeof(Point);
+  KeyframeStore store(kLimit);
+  for (int number = 0; number < 10; ++number) store.add(cloud_of(number));
+  for (const int number : {1, 9}) {  // paged out, and in memory
+    store.replace(static_cast<std::size_t>(number), cloud_of(100 + number));
+    EXPECT_LE(store.bytes_in_memory(), kLimit);
+  }
+  for (int number = 0; number < 10; ++number) {
+    const int expected = number == 1 || number == 9 ? 100 + number : number;
+    EXPECT_EQ(store.get(static_cast<std::size_t>(number))->surface[5].position,
+              cloud_of(expected).surface[5].position);
+  }
+}
+
 TEST(KeyframeStore, CloudInUseOutlivesItsPaging) {
   KeyframeStore store(1);
   store.add(cloud_of(1));

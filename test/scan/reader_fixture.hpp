@@ -38,8 +38,7 @@ class Reader : public testing::Test {
 
   /// Text of the notice `key`; empty when there is none.
   std::string notice(const std::string& key) const {
-    const auto found = reporter_.notices().find(key);
-    return found != reporter_.notices().end() ? found->second.text : "";
+    return reporter_.has(key) ? reporter_.notices().at(key).text : "";
   }
 
   /// Texts of all warnings and errors.

@@ -32,10 +32,10 @@ void scale_intensities(float factor, DeskewedScan* scan) {
 }
 
 std::size_t warnings(const Reporter& reporter, const std::string& key) {
-  const auto found = reporter.notices().find(key);
-  if (found == reporter.notices().end()) return 0;
-  EXPECT_EQ(found->second.severity, Severity::kWarning);
-  return found->second.count;
+  if (!reporter.has(key)) return 0;
+  const Notice notice = reporter.notices().at(key);
+  EXPECT_EQ(notice.severity, Severity::kWarning);
+  return notice.count;
 }
 
 TEST(IntensityModel, ScaleOfTheSensorDoesNotMatter) {

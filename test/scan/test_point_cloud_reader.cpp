@@ -47,15 +47,24 @@ TEST_F(Reader, LivoxLayout) {
   EXPECT_THAT(notice("cloud_layout"), HasSubstr("ring 'line', time 'offset_time' in ns"));
 }
 
-TEST_F(Reader, FloatTimesInSecondsMillisecondsAndMicroseconds) {
-  for (const auto& [unit, name] : {std::pair(1.0, "in s"), {1e-3, "in ms"}, {1e-6, "in us"}}) {
-    reporter_ = Reporter();
-    const auto scan = read(Sweep::cloud(22, velodyne_fields(), "time", 0.0, Sweep::kColumnS / unit));
-    expect_sweep(scan, 1e-7);
-    EXPECT_NEAR(seconds_between(kHeader, scan->stamp), Sweep::kLastS, 1e-7);
-    EXPECT_THAT(notice("cloud_layout"), HasSubstr(name));
-  }
+struct TimeUnit {
+  double seconds;
+  const char* name;
+};
+
+class FloatTimes : public Reader, public testing::WithParamInterface<TimeUnit> {};
+
+TEST_P(FloatTimes, UnitIsRecognised) {
+  const double step = Sweep::kColumnS / GetParam().seconds;
+  const auto scan = read(Sweep::cloud(22, velodyne_fields(), "time", 0.0, step));
+  expect_sweep(scan, 1e-7);
+  EXPECT_NEAR(seconds_between(kHeader, scan->stamp), Sweep::kLastS, 1e-7);
+  EXPECT_THAT(notice("cloud_layout"), HasSubstr(GetParam().name));
 }
+
+INSTANTIATE_TEST_SUITE_P(Units, FloatTimes,
+                         testing::Values(TimeUnit{1.0, "in s"}, TimeUnit{1e-3, "in ms"},
+                                         TimeUnit{1e-6, "in us"}));
 
 TEST_F(Reader, AbsoluteDoubleSeconds) {
   const auto fields = xyz_and({{"ring", 12, kUint16}, {"timestamp", 16, kFloat64}});

@@ -118,6 +118,56 @@ TEST(RangeImage, LooksAtManyMovedPointsAtOnce) {
   EXPECT_GT(inside, RangeImage::Directions::kSize / 2);
 }
 
+/// A sweep from behind by a sensor that drives 3 m forward meanwhile; the walls are at 4 to 30 m, and every
+/// point is given in the frame of the end.
+DeskewedScan driven_sweep() {
+  constexpr int kRings = 16;
+  constexpr int kColumns = 900;
+  DeskewedScan scan;
+  scan.duration_s = 0.1;
+  scan.sweep_start = Eigen::Vector3f(-3.0F, 0.0F, 0.0F);
+  scan.ring_begin.push_back(0);
+  for (int ring = 0; ring < kRings; ++ring) {
+    for (int column = 0; column < kColumns; ++column) {
+      const float share = (static_cast<float>(column) + 0.5F) / kColumns;
+      const float azimuth = static_cast<float>(M_PI) * (1.0F - 2.0F * share);
+      const float elevation = 0.02F * (static_cast<float>(ring) - 7.5F);
+      const float range = column % 40 < 20 ? 4.0F : 30.0F;
+      Point point;
+      point.position = (1.0F - share) * scan.sweep_start +
+                       range * Eigen::Vector3f(std::cos(elevation) * std::cos(azimuth),
+                                               std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
+      point.time_s = -0.1F * (1.0F - share);
+      point.ring = static_cast<std::uint16_t>(ring);
+      scan.points.push_back(point);
+    }
+    scan.ring_begin.push_back(static_cast<std::uint32_t>(scan.points.size()));
+  }
+  return scan;
+}
+
+/// Share of the points that are seen by another ring than their own.
+double misplaced(const DeskewedScan& scan, const RangeImage& image) {
+  std::size_t wrong = 0;
+  for (const Point& point : scan.points) wrong += image.look_at(point.position).ring != point.ring ? 1 : 0;
+  return static_cast<double>(wrong) / static_cast<double>(scan.points.size());
+}
+
+TEST(RangeImage, LooksFromWhereTheSensorWasInTheSweep) {
+  DeskewedScan scan = driven_sweep();
+  RangeImage image;
+  image.build(&scan);
+  EXPECT_LT(misplaced(scan, image), 0.01);
+  for (std::size_t i = 0; i < scan.points.size(); i += 97) {
+    const Point& point = scan.points[i];
+    EXPECT_NEAR(image.look_at(point.position).range_m, i % 900 % 40 < 20 ? 4.0F : 30.0F, 0.1F) << i;
+  }
+  // Seen from the end of the sweep alone a ring is no cone.
+  scan.sweep_start.setZero();
+  image.build(&scan);
+  EXPECT_GT(misplaced(scan, image), 0.1);
+}
+
 TEST(RangeImage, ACellHoldsItsNearestPointAndColumnsWrap) {
   LabelledScan labelled = hall_scan();
   RangeImage image;

@@ -18,6 +18,11 @@ class KeyIndex {
     return slot.number;
   }
 
+  /// Makes room for `count` keys.
+  void reserve(std::size_t count) {
+    while (slots_.size() < 2 * count) grow();
+  }
+
   /// Keys seen.
   std::size_t size() const { return size_; }
 

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -17,7 +18,7 @@ struct Notice {
 };
 
 /// Collects notices by key, so that data problems are counted instead of flooding a log. The library never
-/// prints; nodes and tools take `take_new()` to a log and `notices()` to diagnostics.
+/// prints; nodes and tools take `take_new()` to a log and `notices()` to diagnostics. Threads may share one.
 class Reporter {
  public:
   /// Counts one occurrence of `key`. The text is handed out by `take_new()` at occurrence 1, 10, 100, ...
@@ -27,9 +28,13 @@ class Reporter {
   std::vector<Notice> take_new();
 
   /// All notices by key.
-  const std::map<std::string, Notice>& notices() const { return notices_; }
+  std::map<std::string, Notice> notices() const;
+
+  /// Whether `key` has been reported.
+  bool has(const std::string& key) const;
 
  private:
+  mutable std::mutex mutex_;
   std::map<std::string, Notice> notices_;
   std::vector<Notice> due_;
 };

@@ -53,6 +53,9 @@ enum class RemovalReason : std::uint8_t {
 struct DeskewedScan {
   Stamp stamp = 0;
   double duration_s = 0.0;
+  /// Where the lidar was when the sweep began, in its frame at `stamp` [m]: a point of time t was seen from
+  /// about -t / duration_s of it. Zero where that is not known.
+  Eigen::Vector3f sweep_start = Eigen::Vector3f::Zero();
   std::vector<Point> points;              ///< lidar frame at `stamp`
   std::vector<std::uint32_t> ring_begin;  ///< ring r is points[ring_begin[r], ring_begin[r + 1])
   bool has_intensity = false;

@@ -26,6 +26,9 @@ class TaskThread {
   /// Tasks that wait.
   std::size_t backlog() const;
 
+  /// Waits until no more than `backlog` tasks wait.
+  void wait_for_room(std::size_t backlog);
+
   /// Waits until all tasks are done. Those that come afterwards are not done.
   void finish();
 

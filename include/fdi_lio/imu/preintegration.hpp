@@ -15,6 +15,10 @@ struct ImuNoise {
   double accel_bias_walk = 1e-3;  ///< [m/s^3/sqrt(Hz)]
 };
 
+/// The walk of the accelerometer's bias holds `sensor.accel_model_walk` too: what scale factors, axes,
+/// mounting and clocks do to the acceleration changes with the motion, and a data sheet's bias walk knows
+/// nothing of it. Taken for constant, such errors are averaged into a bias and a direction of gravity that
+/// are both wrong by the same, and part at the next turn.
 ImuNoise noise_of(const SensorConfig& sensor);
 
 /// Preintegrates readings over [from, to] (Forster et al., TRO 2017, eqs. 33-35, 63; midpoint rule).

@@ -35,7 +35,7 @@ struct LoopConfig {
   double odometry_sigma_translation = 0.01;
   double odometry_sigma_rotation_deg = 0.03;
   double max_chi_square = 16.8;
-  int cloud_memory_mb = 1000;
+  int cloud_memory_mb = 500;
   bool save_session = false;
 
   void visit(ParameterVisitor& visitor);

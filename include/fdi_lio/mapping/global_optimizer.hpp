@@ -9,11 +9,13 @@
 
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/mapping/estimator.hpp"
 #include "fdi_lio/mapping/gnss_aligner.hpp"
 #include "fdi_lio/mapping/graph_file.hpp"
 #include "fdi_lio/mapping/keyframe_store.hpp"
 #include "fdi_lio/mapping/loop_types.hpp"
 #include "fdi_lio/mapping/place_descriptor.hpp"
+#include "fdi_lio/scan/range_image.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -23,15 +25,17 @@ struct Keyframe {
   Eigen::Isometry3d T_odom_imu = Eigen::Isometry3d::Identity();
   Matrix6d covariance = Matrix6d::Zero();  ///< of T_odom_imu against the local map, [dtheta, dt (odom)]
   KeyframeCloud cloud;
+  /// Ranges of the scan, which show where it looked through something; may be empty.
+  std::shared_ptr<const scan::RangeImage> image;
   /// The first of another session: T_odom_imu is where that is believed to be in the odometry of the one
   /// before, but no way leads from the keyframe before to this one. Loops make it sure.
   bool begins_session = false;
 };
 
-/// The points of a scan and its features, moved from the lidar to the IMU frame; the surface is thinned to
-/// one mean point a voxel.
-KeyframeCloud make_keyframe_cloud(const std::vector<Point>& points, const FeatureSet& features,
-                                  const Eigen::Isometry3d& T_imu_lidar, double voxel_m);
+/// The keyframe of a scan with its estimate. Points and features are moved from the lidar to the IMU frame;
+/// the surface is thinned to one mean point a voxel.
+Keyframe make_keyframe(const EstimateResult& estimate, DeskewedScan scan, const FeatureSet& features,
+                       const Eigen::Isometry3d& T_imu_lidar, double voxel_m);
 
 /// What became of one GNSS fix.
 struct FixResult {
@@ -53,7 +57,8 @@ class GlobalOptimizer {
   /// Adds a fix. It is used when a keyframe of its stamp or later has come.
   void add_fix(const GnssFix& fix);
 
-  /// Optimises what came since the last time. To be called at the end.
+  /// Optimises what came since the last time, and cleans the clouds that still wait for later keyframes
+  /// (GhostRemover). To be called at the end.
   void finish();
 
   /// Where the map lies in ENU; nothing until the fixes have shown it.

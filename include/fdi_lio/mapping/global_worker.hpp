@@ -4,6 +4,7 @@
 #include <future>
 #include <mutex>
 #include <string>
+#include <vector>
 
 #include <Eigen/Geometry>
 
@@ -16,9 +17,12 @@ namespace fdi_lio::mapping {
 /// taken in the order in which they come, so that the result is that of the synchronous optimiser.
 class GlobalWorker {
  public:
-  explicit GlobalWorker(const Config& config) : optimizer_(config, &reporter_) {}
+  GlobalWorker(const Config& config, Reporter* reporter) : optimizer_(config, reporter) {}
 
   void add(Keyframe keyframe);
+
+  /// Adds the keyframe that `make` gives; it is called in the thread.
+  void add(std::function<Keyframe()> make);
 
   /// Adds a fix, which belongs to the keyframes about its stamp.
   void add_fix(const GnssFix& fix);
@@ -33,6 +37,12 @@ class GlobalWorker {
   /// Keyframes and jobs that wait.
   std::size_t backlog() const { return thread_.backlog(); }
 
+  /// Waits until no more than `backlog` keyframes and jobs wait.
+  void wait_for_room(std::size_t backlog) { thread_.wait_for_room(backlog); }
+
+  /// Milliseconds that each keyframe took.
+  std::vector<double> durations_ms() const;
+
   /// What stopped the map (a full disk); empty while all is well. What came before can still be saved.
   std::string error() const;
 
@@ -42,11 +52,11 @@ class GlobalWorker {
  private:
   void add_to_map(std::function<void()> action);
 
-  Reporter reporter_;  ///< of the thread
   GlobalOptimizer optimizer_;
   mutable std::mutex mutex_;
   Eigen::Isometry3d T_map_odom_ = Eigen::Isometry3d::Identity();
   std::string error_;
+  std::vector<double> durations_ms_;
   TaskThread thread_;  ///< last: it uses what is above
 };
 

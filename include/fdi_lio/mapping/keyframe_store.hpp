@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <list>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "fdi_lio/common/scan_types.hpp"
@@ -19,8 +20,8 @@ struct KeyframeCloud {
   std::size_t size() const { return surface.size() + planes.size() + edges.size(); }
 };
 
-/// Clouds of all keyframes. They are written to an unnamed file in the temporary folder, which vanishes with
-/// the process however it ends; those used last stay in memory up to a limit.
+/// Clouds of all keyframes. Those used last stay in memory up to a limit; the others are written to an
+/// unnamed file in the temporary folder, which vanishes with the process however it ends.
 class KeyframeStore {
  public:
   /// Throws Error when the file cannot be made.
@@ -32,15 +33,19 @@ class KeyframeStore {
   /// Throws Error when the disk takes no more.
   void add(KeyframeCloud cloud);
 
-  /// The cloud of keyframe `index`, in the order of `add`. Throws Error when it cannot be read back.
+  /// The cloud of keyframe `index`, in the order of `add`. Throws Error when it cannot be read back, or when
+  /// the disk does not take the one that makes room for it.
   std::shared_ptr<const KeyframeCloud> get(std::size_t index);
+
+  /// Puts another cloud in the place of that of keyframe `index`. Throws as `get`.
+  void replace(std::size_t index, KeyframeCloud cloud);
 
   std::size_t size() const { return records_.size(); }
   std::size_t bytes_in_memory() const { return bytes_in_memory_; }
 
  private:
   struct Record {
-    std::int64_t offset = 0;
+    std::optional<std::int64_t> offset;  ///< in the file, once written
     std::uint32_t surface = 0;
     std::uint32_t planes = 0;
     std::uint32_t edges = 0;
@@ -48,6 +53,8 @@ class KeyframeStore {
     std::list<std::size_t>::iterator place;      ///< in `recent_`, while in memory
   };
 
+  void set(std::size_t index, KeyframeCloud cloud);
+  void write(Record* record);
   void keep(std::size_t index, std::shared_ptr<const KeyframeCloud> cloud);
 
   std::size_t memory_limit_bytes_;

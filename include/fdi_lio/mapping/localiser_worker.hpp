@@ -20,7 +20,7 @@ class LocaliserWorker {
   using ResultCallback = std::function<void(const LocalisationResult&)>;
 
   /// `on_result` is called in the thread. Throws Error when a cloud of the session cannot be read.
-  LocaliserWorker(const Config& config, Session session, ResultCallback on_result);
+  LocaliserWorker(const Config& config, Session session, Reporter* reporter, ResultCallback on_result);
 
   /// Whether a scan is worth its cloud: registrations are not late, and one may be due.
   bool wants(Stamp stamp) const;
@@ -50,7 +50,6 @@ class LocaliserWorker {
 
  private:
   Config config_;
-  Reporter reporter_;  ///< of the thread
   Localiser localiser_;
   ResultCallback on_result_;
   mutable std::mutex mutex_;

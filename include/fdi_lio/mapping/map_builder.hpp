@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -13,7 +15,8 @@ namespace fdi_lio::mapping {
 /// The map that is saved: keyframe clouds in `map`, one mean point a voxel.
 class MapBuilder {
  public:
-  explicit MapBuilder(double voxel_m);
+  /// The index makes room for `expected_voxels`.
+  explicit MapBuilder(double voxel_m, std::size_t expected_voxels = 0);
 
   /// Adds the points of one keyframe, given in the lidar frame.
   void add(const std::vector<Point>& points, const Eigen::Isometry3d& T_map_lidar);
@@ -33,7 +36,7 @@ class MapBuilder {
 
   double voxel_m_;
   KeyIndex index_;
-  std::vector<Voxel> voxels_;  ///< in the order in which they were first filled
+  std::deque<Voxel> voxels_;  ///< in the order in which they were first filled; grows without being copied
 };
 
 }  // namespace fdi_lio::mapping

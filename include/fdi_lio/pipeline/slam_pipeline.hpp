@@ -10,6 +10,7 @@
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/common/stage_timer.hpp"
 #include "fdi_lio/degeneracy/degeneracy_types.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/mapping/estimator.hpp"
@@ -27,9 +28,7 @@ struct ScanOutput {
 /// All five stages in one process, in the order in which the nodes work: what `offline_slam` runs.
 class SlamPipeline {
  public:
-  using OutputCallback = std::function<void(const ScanOutput&)>;
-  /// Called with the stage's name and its duration in milliseconds.
-  using TimingCallback = std::function<void(const std::string&, double)>;
+  using OutputCallback = std::function<void(ScanOutput)>;
 
   SlamPipeline(const Config& config, Reporter* reporter, OutputCallback on_output, TimingCallback on_timing);
   ~SlamPipeline();

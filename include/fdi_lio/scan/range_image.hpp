@@ -11,8 +11,10 @@
 namespace fdi_lio::scan {
 
 /// A deskewed scan by ring and azimuth: row = ring (0 is the lowest), column = clockwise from behind. A cell
-/// holds at most one point, the nearest that fell into it. Neighbours in space are looked for in a window of
-/// cells, at constant cost.
+/// holds at most one point, the nearest that fell into it. Ranges and directions are those from where the
+/// lidar was when it looked (`DeskewedScan::sweep_start`): at 30 m/s that is up to 3 m from where the sweep
+/// ended, and seen from there a ring is no cone. Neighbours in space are looked for in a window of cells, at
+/// constant cost.
 class RangeImage {
  public:
   static constexpr std::uint32_t kNone = 0xFFFFFFFFU;
@@ -27,8 +29,12 @@ class RangeImage {
 
   /// Index of the point in a cell, or kNone; `column` may be off by less than a revolution.
   std::uint32_t at(int ring, int column) const { return index_[cell(ring, column)]; }
-  /// Range of the point in a cell [m]; 0 without one.
+  /// Range of the point in a cell, from where it was seen [m]; 0 without one.
   float range_at(int ring, int column) const { return range_[cell(ring, column)]; }
+
+  /// Whether all of the nine cells about a direction that hold a range saw farther than `range_m`, and enough
+  /// do.
+  bool saw_farther(int ring, int column, float range_m) const;
 
   /// Cell that looks towards a point in this scan's lidar frame.
   struct Direction {
@@ -66,6 +72,13 @@ class RangeImage {
     return static_cast<std::size_t>(ring) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(wrapped);
   }
+  /// Where the lidar was when it looked at a column [m].
+  Eigen::Vector3f origin(int column) const {
+    return seen_ago_[static_cast<std::size_t>(column)] * sweep_start_;
+  }
+  void learn_origins(const DeskewedScan& scan);
+  /// Moves the points to directions from where the lidar looked at them from.
+  void move_to_origins(Directions* directions) const;
   /// Fills range and column.
   void project(Directions* directions) const;
   void choose_columns(const DeskewedScan& scan);
@@ -75,6 +88,8 @@ class RangeImage {
   int columns_ = 0;
   std::vector<std::uint32_t> index_;
   std::vector<float> range_;
+  Eigen::Vector3f sweep_start_ = Eigen::Vector3f::Zero();
+  std::vector<float> seen_ago_;                              ///< of each column, as a share of the sweep
   std::array<std::int16_t, kElevationBins> ring_of_sine_{};  ///< -1: no beam looks there
 };
 

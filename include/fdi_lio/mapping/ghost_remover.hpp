@@ -1,0 +1,74 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "fdi_lio/mapping/keyframe_store.hpp"
+#include "fdi_lio/scan/range_image.hpp"
+#include "fdi_lio/scan/scan_config.hpp"
+
+namespace fdi_lio::mapping {
+
+/// Takes out of keyframe clouds what moved and was not seen to move at the time: points that other keyframes
+/// looked through, before and afterwards. The filter of the scans knows the past only, and has to decide at
+/// once.
+///
+/// A point is looked for in the range images of the keyframes 1, 2, 3, 4, 6, 8, 12 and 16 before and after
+/// its own. One that measured its range within margin / 2 says that it is there; one that measured more than
+/// its range plus the margin in all of the nine cells about its direction says that it is not, with margin =
+/// 2 (`dynamic.free_margin` + `dynamic.free_margin_share` range). It goes when at least two say that it is
+/// not, and more than say that it is. The keyframes 1, 3, 6 and 12 are asked only about what one of the
+/// others looked through.
+class GhostRemover {
+ public:
+  GhostRemover(const scan::DynamicConfig& config, const Eigen::Isometry3d& T_imu_lidar);
+
+  /// Adds the next keyframe; without an image it is no witness. `is_apart`: no way leads to it from the one
+  /// before, so that neither says anything about the other.
+  void add(const Eigen::Isometry3d& T_odom_imu, std::shared_ptr<const scan::RangeImage> image, bool is_apart);
+
+  /// A keyframe that has all its witnesses and was not cleaned, counted from 0; with `is_last` any that was
+  /// not cleaned.
+  std::optional<std::size_t> next(bool is_last);
+
+  /// The cloud of a keyframe that `next` gave, without what was looked through; nothing when all of it stays.
+  std::optional<KeyframeCloud> clean(std::size_t keyframe, const KeyframeCloud& cloud) const;
+
+ private:
+  struct View {
+    Eigen::Isometry3d T_odom_lidar;
+    std::shared_ptr<const scan::RangeImage> image;
+    std::size_t stretch;  ///< of keyframes that ways lead between
+  };
+
+  struct Witness {
+    const scan::RangeImage* image;
+    Eigen::Isometry3f T_lidar_imu;  ///< from the IMU frame of the keyframe in question
+  };
+  struct Votes {
+    int free = 0;
+    int there = 0;
+  };
+
+  std::vector<Witness> witnesses(std::size_t keyframe, const std::array<std::size_t, 4>& steps) const;
+  /// Adds the votes on the points `chosen`.
+  void ask(const std::vector<Witness>& witnesses, const std::vector<Point>& points,
+           const std::vector<std::uint32_t>& chosen, std::vector<Votes>* votes) const;
+  std::vector<Point> kept(const std::vector<Point>& points, const std::vector<Witness>& first,
+                          const std::vector<Witness>& second) const;
+
+  scan::DynamicConfig config_;
+  Eigen::Isometry3d T_imu_lidar_;
+  std::deque<View> views_;
+  std::size_t first_ = 0;  ///< number of the first of `views_`
+  std::size_t next_ = 0;   ///< the first that was not cleaned
+};
+
+}  // namespace fdi_lio::mapping

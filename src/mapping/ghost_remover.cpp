@@ -1,0 +1,122 @@
+#include "fdi_lio/mapping/ghost_remover.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "fdi_lio/common/parallel.hpp"
+
+namespace fdi_lio::mapping {
+
+namespace {
+
+using scan::RangeImage;
+
+/// Keyframes that are asked first, and those that are asked about what one of the first looked through: most
+/// points are where all see them.
+constexpr std::array<std::size_t, 4> kFirstSteps = {16, 8, 4, 2};
+constexpr std::array<std::size_t, 4> kSecondSteps = {12, 6, 3, 1};
+constexpr std::size_t kReach = kFirstSteps.front();
+constexpr int kLeastFree = 2;
+/// Of the margins of the filter, which compares points of one second: here they are means of a voxel, and the
+/// odometry has drifted for up to 16 keyframes.
+constexpr float kMarginFactor = 2.0F;
+constexpr std::size_t kChunk = 4096;  // a multiple of RangeImage::Directions::kSize
+
+}  // namespace
+
+GhostRemover::GhostRemover(const scan::DynamicConfig& config, const Eigen::Isometry3d& T_imu_lidar)
+    : config_(config), T_imu_lidar_(T_imu_lidar) {}
+
+void GhostRemover::add(const Eigen::Isometry3d& T_odom_imu, std::shared_ptr<const RangeImage> image,
+                       bool is_apart) {
+  const std::size_t stretch = views_.empty() ? 0 : views_.back().stretch + (is_apart ? 1 : 0);
+  views_.push_back({T_odom_imu * T_imu_lidar_, std::move(image), stretch});
+  for (; first_ + kReach < next_; ++first_) views_.pop_front();
+}
+
+std::optional<std::size_t> GhostRemover::next(bool is_last) {
+  const std::size_t end = first_ + views_.size();
+  if (next_ + (is_last ? 0 : kReach) >= end) return std::nullopt;
+  return next_++;
+}
+
+std::vector<GhostRemover::Witness> GhostRemover::witnesses(std::size_t keyframe,
+                                                           const std::array<std::size_t, 4>& steps) const {
+  const View& own = views_[keyframe - first_];
+  const Eigen::Isometry3d T_odom_imu = own.T_odom_lidar * T_imu_lidar_.inverse();
+  std::vector<Witness> found;
+  const auto call = [&](std::size_t number) {
+    if (number < first_ || number >= first_ + views_.size()) return;
+    const View& view = views_[number - first_];
+    if (view.image && view.stretch == own.stretch)
+      found.push_back({view.image.get(), (view.T_odom_lidar.inverse() * T_odom_imu).cast<float>()});
+  };
+  for (const std::size_t step : steps) {
+    if (step <= keyframe) call(keyframe - step);
+    call(keyframe + step);
+  }
+  return found;
+}
+
+void GhostRemover::ask(const std::vector<Witness>& witnesses, const std::vector<Point>& points,
+                       const std::vector<std::uint32_t>& chosen, std::vector<Votes>* votes) const {
+  const float margin_m = kMarginFactor * static_cast<float>(config_.free_margin_m);
+  const float margin_share = kMarginFactor * static_cast<float>(config_.free_margin_share);
+  parallel_chunks(chosen.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for (std::size_t first = begin; first < end; first += RangeImage::Directions::kSize) {
+      const int size = static_cast<int>(std::min<std::size_t>(RangeImage::Directions::kSize, end - first));
+      for (const Witness& witness : witnesses) {
+        RangeImage::Directions seen;
+        for (int k = 0; k < size; ++k)
+          seen.set(k, points[chosen[first + static_cast<std::size_t>(k)]].position);
+        witness.image->look_at(witness.T_lidar_imu, &seen);
+        for (int k = 0; k < size; ++k) {
+          if (seen.ring[k] < 0) continue;
+          const float range = seen.range_m[k];
+          const float margin = margin_m + margin_share * range;
+          const float measured = witness.image->range_at(seen.ring[k], seen.column[k]);
+          Votes& vote = (*votes)[chosen[first + static_cast<std::size_t>(k)]];
+          if (measured > 0.0F && std::abs(measured - range) <= 0.5F * margin) {
+            ++vote.there;
+          } else if (witness.image->saw_farther(seen.ring[k], seen.column[k], range + margin)) {
+            ++vote.free;
+          }
+        }
+      }
+    }
+  });
+}
+
+std::vector<Point> GhostRemover::kept(const std::vector<Point>& points, const std::vector<Witness>& first,
+                                      const std::vector<Witness>& second) const {
+  std::vector<Votes> votes(points.size());
+  std::vector<std::uint32_t> chosen(points.size());
+  std::iota(chosen.begin(), chosen.end(), 0U);
+  ask(first, points, chosen, &votes);
+  if (!first.empty()) {
+    const auto is_sure = [&votes](std::uint32_t i) { return votes[i].free == 0; };
+    chosen.erase(std::remove_if(chosen.begin(), chosen.end(), is_sure), chosen.end());
+  }
+  ask(second, points, chosen, &votes);
+  std::vector<Point> result;
+  result.reserve(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (votes[i].free < kLeastFree || votes[i].free <= votes[i].there) result.push_back(points[i]);
+  }
+  return result;
+}
+
+std::optional<KeyframeCloud> GhostRemover::clean(std::size_t keyframe, const KeyframeCloud& cloud) const {
+  const std::vector<Witness> first = witnesses(keyframe, kFirstSteps);
+  const std::vector<Witness> second = witnesses(keyframe, kSecondSteps);
+  if (first.empty() && second.empty()) return std::nullopt;
+  KeyframeCloud cleaned = {kept(cloud.surface, first, second), kept(cloud.planes, first, second),
+                           kept(cloud.edges, first, second)};
+  if (cleaned.size() == cloud.size()) return std::nullopt;
+  return cleaned;
+}
+
+}  // namespace fdi_lio::mapping

@@ -1,0 +1,118 @@
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include <gtest/gtest.h>
+
+#include "fdi_lio/mapping/ghost_remover.hpp"
+
+namespace fdi_lio::mapping {
+namespace {
+
+/// Sixteen beams at (x, 0) in a hall that reaches from (-30, -20) to (50, 20) m; with a box 2 m wide whose
+/// front is at `box_x_m`, if any.
+DeskewedScan scan_from(double x_m, const double* box_x_m) {
+  DeskewedScan scan;
+  scan.ring_begin.push_back(0);
+  for (int ring = 0; ring < 16; ++ring) {
+    for (int column = 0; column < 720; ++column) {
+      const double azimuth = M_PI - 2.0 * M_PI * (column + 0.5) / 720.0;
+      const double elevation = (ring - 7.5) * 0.01;
+      const double c = std::cos(azimuth);
+      const double s = std::sin(azimuth);
+      double range_m = std::min((c > 0.0 ? 50.0 - x_m : -30.0 - x_m) / c, 20.0 / std::abs(s));
+      if (box_x_m != nullptr && c > 0.0) {
+        const double ahead_m = *box_x_m - x_m;
+        if (std::abs(ahead_m * s / c) < 1.0) range_m = ahead_m / c;
+      }
+      Point point;
+      point.position =
+          Eigen::Vector3d(range_m * std::cos(elevation) * std::cos(azimuth),
+                          range_m * std::cos(elevation) * std::sin(azimuth), range_m * std::sin(elevation))
+              .cast<float>();
+      point.ring = static_cast<std::uint16_t>(ring);
+      scan.points.push_back(point);
+    }
+    scan.ring_begin.push_back(static_cast<std::uint32_t>(scan.points.size()));
+  }
+  return scan;
+}
+
+class Ghosts : public testing::Test {
+ protected:
+  static constexpr double kStepM = 0.2;
+  static constexpr int kKeyframes = 40;
+
+  /// Adds keyframes every 0.2 m; `box` gives where the box is seen from, or no box.
+  template <typename Box>
+  void drive(const Box& box, int apart_at = -1) {
+    for (int k = 0; k < kKeyframes; ++k) {
+      const std::optional<double> at = box(k);
+      DeskewedScan scan = scan_from(kStepM * k, at ? &*at : nullptr);
+      auto image = std::make_shared<scan::RangeImage>();
+      image->build(&scan);
+      Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+      T.translation().x() = kStepM * k;
+      clouds_.push_back({scan.points, {}, {}});
+      remover_.add(T, std::move(image), k == apart_at);
+      while (const auto next = remover_.next(false)) clean(*next);
+    }
+    while (const auto next = remover_.next(true)) clean(*next);
+  }
+
+  void clean(std::size_t k) {
+    EXPECT_EQ(k, cleaned_++);
+    if (auto cloud = remover_.clean(k, clouds_[k])) clouds_[k] = *std::move(cloud);
+  }
+
+  /// Points of the box that keyframe k still has.
+  std::size_t box_points(std::size_t k) const {
+    return static_cast<std::size_t>(std::count_if(clouds_[k].surface.begin(), clouds_[k].surface.end(),
+                                                  [](const Point& p) { return p.position.norm() < 15.0F; }));
+  }
+  std::size_t wall_points(std::size_t k) const { return clouds_[k].surface.size() - box_points(k); }
+
+  scan::DynamicConfig config_;
+  GhostRemover remover_{config_, Eigen::Isometry3d::Identity()};
+  std::vector<KeyframeCloud> clouds_;
+  std::size_t cleaned_ = 0;
+};
+
+TEST_F(Ghosts, WhatWasThereForOneKeyframeGoesAndTheWallStays) {
+  const double place = kStepM * 20 + 10.0;
+  drive([&](int k) { return k == 20 ? std::optional<double>(place) : std::nullopt; });
+  EXPECT_EQ(cleaned_, static_cast<std::size_t>(kKeyframes));
+  const DeskewedScan seen = scan_from(kStepM * 20, &place);
+  const auto before = std::count_if(seen.points.begin(), seen.points.end(),
+                                    [](const Point& p) { return p.position.norm() < 15.0F; });
+  EXPECT_GT(before, 300);
+  EXPECT_LT(static_cast<double>(box_points(20)), 0.02 * static_cast<double>(before));
+  for (std::size_t k = 0; k < kKeyframes; ++k)
+    EXPECT_GT(wall_points(k), seen.points.size() - static_cast<std::size_t>(before) - 1) << k;
+}
+
+TEST_F(Ghosts, WhatStandsStillStays) {
+  drive([](int) { return std::optional<double>(18.0); });
+  for (const std::size_t k : {std::size_t{0}, std::size_t{20}, std::size_t{39}}) {
+    const double place = 18.0;
+    const DeskewedScan seen = scan_from(kStepM * static_cast<double>(k), &place);
+    EXPECT_GT(clouds_[k].surface.size(), 0.99 * static_cast<double>(seen.points.size())) << k;
+  }
+}
+
+TEST_F(Ghosts, AnotherSessionSaysNothing) {
+  // The box is there from keyframe 20 on, where another session begins.
+  drive([](int k) { return k >= 20 ? std::optional<double>(14.0) : std::nullopt; }, 20);
+  EXPECT_GT(box_points(20), 300U);
+}
+
+TEST_F(Ghosts, WithoutImagesAllStays) {
+  const DeskewedScan scan = scan_from(0.0, nullptr);
+  for (int k = 0; k < 5; ++k) remover_.add(Eigen::Isometry3d::Identity(), nullptr, false);
+  EXPECT_EQ(remover_.next(false), std::nullopt);
+  ASSERT_EQ(remover_.next(true), std::optional<std::size_t>(0));
+  EXPECT_FALSE(remover_.clean(0, {scan.points, {}, {}}).has_value());
+}
+
+}  // namespace
+}  // namespace fdi_lio::mapping
