@@ -99,4 +99,26 @@ double Trajectory::length_m() const {
   return length;
 }
 
+Trajectory revisit(const Trajectory& drive, double begin_s, bool reversed, double duration_s) {
+  constexpr double kKnotPeriodS = 0.04;
+  constexpr double kStandS = 2.0;
+  constexpr double kRampS = 5.0;  // until it drives as fast as the first one did there
+  std::vector<PoseVector> poses;
+  double yaw = 0.0;
+  for (double t = 0.0; t < duration_s + 1.0; t += kKnotPeriodS) {
+    // The integral of a speed that rises with 3 u^2 - 2 u^3.
+    const double u = std::clamp((t - kStandS) / kRampS, 0.0, 1.0);
+    const double passed_s = kRampS * (u * u * u - 0.5 * u * u * u * u) + std::max(0.0, t - kStandS - kRampS);
+    Eigen::Isometry3d T = drive.pose(begin_s + (reversed ? -passed_s : passed_s));
+    if (reversed) T.rotate(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()));
+    const Eigen::Matrix3d R = T.rotation();
+    const double wrapped_yaw = std::atan2(R(1, 0), R(0, 0));
+    yaw = poses.empty() ? wrapped_yaw : yaw + std::remainder(wrapped_yaw - yaw, 2.0 * M_PI);
+    PoseVector pose;
+    pose << T.translation(), std::atan2(R(2, 1), R(2, 2)), std::asin(-R(2, 0)), yaw;
+    poses.push_back(pose);
+  }
+  return Trajectory(std::move(poses), kKnotPeriodS);
+}
+
 }  // namespace fdi_lio::simulation

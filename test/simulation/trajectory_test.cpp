@@ -75,6 +75,23 @@ TEST(Trajectory, ThatEndsStandingStaysThere) {
   EXPECT_NEAR(trajectory.evaluate(100.0).T_map_imu.translation().y(), 2.0, 1e-12);
 }
 
+TEST(Trajectory, RevisitBeginsAtRestOnTheWayAndGoesOnOrBack) {
+  const Trajectory drive = random_trajectory(4);
+  constexpr double kBegin = 5.0;
+  for (const bool reversed : {false, true}) {
+    const Trajectory again = revisit(drive, kBegin, reversed, 9.0);
+    EXPECT_LT((again.pose(1.0).translation() - drive.pose(kBegin).translation()).norm(), 0.02) << reversed;
+    EXPECT_LT(again.evaluate(1.0).v_map.norm(), 1e-3) << reversed;
+    // From 2 + 5 s on it has passed 2.5 s of the first drive, and goes at its speed.
+    const double passed = reversed ? kBegin - 3.5 : kBegin + 3.5;
+    EXPECT_LT((again.pose(8.0).translation() - drive.pose(passed).translation()).norm(), 0.02) << reversed;
+    const Eigen::Matrix3d turn = drive.pose(passed).linear().transpose() * again.pose(8.0).linear();
+    const Eigen::Matrix3d expected =
+        Eigen::AngleAxisd(reversed ? M_PI : 0.0, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    EXPECT_LT(so3::log(Eigen::Matrix3d(expected.transpose() * turn)).norm(), 0.05) << reversed;
+  }
+}
+
 TEST(Drive, KeepsToSpeedAccelerationAndStandstill) {
   MotionSettings motion;
   motion.vibration = 0.0;

@@ -46,6 +46,10 @@ class Trajectory {
   double knot_period_s_;
 };
 
+/// Another drive along the way of `drive`: begins at rest where that is after `begin_s`, and goes on as that
+/// does, or back, with the vehicle turned.
+Trajectory revisit(const Trajectory& drive, double begin_s, bool reversed, double duration_s);
+
 /// Rotation of x-y-z-Euler angles as in PoseVector.
 Eigen::Matrix3d rotation_from_angles(double roll, double pitch, double yaw);
 
