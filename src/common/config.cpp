@@ -15,6 +15,8 @@ void SensorConfig::visit(ParameterVisitor& v) {
       points_topic);
   v.text({"sensor.imu_topic", "", "topic of the IMU; leave empty for lidar-only"}, imu_topic);
   v.text({"sensor.gnss_topic", "", "topic of NavSatFix fixes"}, gnss_topic);
+  v.text({"sensor.external_odometry_topic", "", "topic of the Odometry of wheels or cameras"},
+         external_odometry_topic);
   v.choice({"sensor.deskew", "", "already_done: points of a cloud already belong to one instant"}, deskew,
            {"auto", "already_done"});
   v.choice({"sensor.stamp_at", "", "whether the header stamp is the time of the first or of the last point"},
@@ -276,6 +278,7 @@ void Config::visit(ParameterVisitor& v) {
   adaptation.visit(v);
   loop.visit(v);
   gnss.visit(v);
+  external_odometry.visit(v);
   localisation.visit(v);
   nodes.visit(v);
   check.visit(v);

@@ -63,6 +63,12 @@ void visit_noise(LoopConfig& c, ParameterVisitor& v) {
   v.real({"loop.odometry_sigma_rotation", "deg/sqrt(m)",
           "random walk of the odometry in the pose graph, besides its covariance"},
          c.odometry_sigma_rotation_deg, 1e-5, 10.0);
+  v.real({"loop.gravity_sigma", "deg",
+          "standard deviation of roll and pitch that gravity gives each keyframe; 0: the graph may tilt the "
+          "map"},
+         c.gravity_sigma_deg, 0.0, 90.0);
+  v.integer({"loop.solve_every", "", "accepted fixes and steps of another odometry between optimisations"},
+            c.solve_every, 1, 10000);
   v.integer({"loop.cloud_memory", "MB", "keyframe clouds beyond this are kept on disk only"},
             c.cloud_memory_mb, 1, 1000000);
   v.flag({"loop.save_session", "", "offline_slam also writes OUTPUT/session, with all keyframe clouds"},
@@ -93,7 +99,32 @@ void GnssConfig::visit(ParameterVisitor& v) {
           "fixes that deviate by more standard deviations (of fix and drift) are outliers"},
          max_deviation, 1.0, 100.0);
   v.flag({"gnss.use_altitude", "", "use the altitude too"}, use_altitude);
-  v.integer({"gnss.solve_every", "", "accepted fixes between two optimisations"}, solve_every, 1, 10000);
+}
+
+Eigen::Isometry3d ExternalOdometryConfig::T_imu_child() const {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = q_imu_child.toRotationMatrix();
+  T.translation() = t_imu_child;
+  return T;
+}
+
+void ExternalOdometryConfig::visit(ParameterVisitor& v) {
+  v.flag({"external_odometry.enabled", "",
+          "use the odometry of sensor.external_odometry_topic for the corrected poses"},
+         enabled);
+  v.vector3({"external_odometry.T_imu_child.translation", "m",
+             "p_imu = T_imu_child * p_child; child: the frame that it follows"},
+            t_imu_child);
+  v.rotation({"external_odometry.T_imu_child.rotation", "", "quaternion x y z w, or matrix row by row"},
+             q_imu_child);
+  v.real({"external_odometry.sigma_translation", "", "standard deviation of a step, as a share of its way"},
+         sigma_translation, 1e-4, 1.0);
+  v.real({"external_odometry.sigma_rotation", "deg/m", "standard deviation of a step's turn, by its way"},
+         sigma_rotation_deg_per_m, 1e-4, 90.0);
+  v.real({"external_odometry.sigma_scale", "",
+          "standard deviation of what all its ways are too long or too short by; estimated"},
+         sigma_scale, 1e-6, 1.0);
+  v.real({"external_odometry.max_gap", "s", "over larger gaps it says nothing"}, max_gap_s, 0.01, 60.0);
 }
 
 void LocalisationConfig::visit(ParameterVisitor& v) {

@@ -39,8 +39,9 @@ constexpr double kSessionDriftM = 1.0;
 constexpr double kDescriptorSigmaM = 3.0;
 constexpr double kDescriptorSigmaRad = 4.0 * kDegree;
 
-PoseGraphSettings graph_settings() {
+PoseGraphSettings graph_settings(const ExternalOdometryConfig& external) {
   PoseGraphSettings settings;
+  settings.external_scale_sigma = external.sigma_scale;
   settings.loop_scale_sq = kLoopScaleSq;
   return settings;
 }
@@ -67,6 +68,8 @@ Keyframe make_keyframe(const EstimateResult& estimate, DeskewedScan scan, const 
   keyframe.stamp = estimate.state.stamp;
   keyframe.T_odom_imu = estimate.state.T_odom_imu();
   keyframe.covariance = estimate.map_covariance;
+  if (estimate.state.imu_status == imu::ImuStatus::kInitialised)
+    keyframe.down_imu = (estimate.state.q_odom_imu.conjugate() * estimate.state.g_odom).normalized();
   keyframe.cloud = make_keyframe_cloud(scan.points, features, T_imu_lidar, voxel_m);
   auto image = std::make_shared<scan::RangeImage>();
   image->build(&scan);
@@ -79,16 +82,18 @@ class GlobalOptimizer::Implementation {
   Implementation(const Config& config, Reporter* reporter)
       : config_(config.loop),
         reporter_(reporter),
-        graph_(graph_settings()),
+        graph_(graph_settings(config.external_odometry)),
         ghosts_(config.dynamic, config.sensor.T_imu_lidar()),
         store_(static_cast<std::size_t>(config.loop.cloud_memory_mb) << 20),
         detector_(config.loop),
         verifier_(config),
         gnss_(config.gnss),
-        aligner_(config.gnss, config.loop.drift_share) {}
+        aligner_(config.gnss, config.loop.drift_share),
+        external_(config.external_odometry) {}
 
   void add(Keyframe keyframe);
   void add_fix(const GnssFix& fix) { waiting_fixes_.push_back(fix); }
+  void add_external(const ExternalPose& pose);
   void solve();
   void clean_clouds(bool is_last);
 
@@ -99,6 +104,7 @@ class GlobalOptimizer::Implementation {
     Stamp stamp;
     Eigen::Isometry3d T_odom_imu;
     double path_m;
+    bool begins_session;
   };
 
   LoopConfig config_;
@@ -118,7 +124,10 @@ class GlobalOptimizer::Implementation {
   std::deque<GnssFix> waiting_fixes_;
   std::vector<FixResult> fixes_;
   bool is_aligned_ = false;
-  int unsolved_fixes_ = 0;
+  ExternalOdometry external_;
+  std::size_t external_next_ = 0;  ///< the keyframe whose step to the next waits for the other odometry
+  std::optional<Eigen::Vector3d> down_odom_, down_map_;
+  int unsolved_ = 0;        ///< fixes and steps since the last optimisation
   double loop_at_m_ = 0.0;  ///< way at the last keyframe with an accepted loop
 
  private:
@@ -134,6 +143,9 @@ class GlobalOptimizer::Implementation {
   bool agree(const LoopCandidate& a, const LoopCandidate& b) const;
   void accept(const std::vector<std::size_t>& indices);
   void expire_pending();
+  void add_gravity(const Keyframe& keyframe);
+  void use_external();
+  void solve_sometimes();
   void use_fixes();
   void use_fix(const GnssFix& fix);
   TiedFix tie(const GnssFix& fix) const;
@@ -170,7 +182,7 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
   if (frames_.empty()) {
     graph_.add_node(keyframe.T_odom_imu);
     poses_.push_back(keyframe.T_odom_imu);
-    frames_.push_back({keyframe.stamp, keyframe.T_odom_imu, 0.0});
+    frames_.push_back({keyframe.stamp, keyframe.T_odom_imu, 0.0, true});
   } else {
     double step_m = (frames_.back().T_odom_imu.inverse() * keyframe.T_odom_imu).translation().norm();
     if (keyframe.begins_session) {
@@ -182,11 +194,60 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
     poses_.push_back(poses_.back() * edge.T_from_to);
     graph_.add_node(poses_.back());
     graph_.add_odometry(edge);
-    frames_.push_back({keyframe.stamp, keyframe.T_odom_imu, frames_.back().path_m + step_m});
+    frames_.push_back(
+        {keyframe.stamp, keyframe.T_odom_imu, frames_.back().path_m + step_m, keyframe.begins_session});
   }
+  add_gravity(keyframe);
   detector_.add(place, frames_.back().path_m);
   if (config_.enabled && frames_.back().path_m - searched_at_m_ >= config_.spacing_m) search();
   use_fixes();
+  use_external();
+  solve_sometimes();
+}
+
+/// The odometry knows roll and pitch by the accelerometer: what moves the map must not tilt it (the four
+/// degrees of freedom of VINS-Mono, Qin et al., T-RO 2018, section VIII). Down in odom is what the first
+/// keyframe says that knows it; later ones say it with other errors of the accelerometer, which would bend
+/// the map.
+void GlobalOptimizer::Implementation::add_gravity(const Keyframe& keyframe) {
+  if (keyframe.begins_session) down_odom_.reset();
+  if (!down_odom_ && !keyframe.down_imu.isZero()) {
+    down_odom_ = keyframe.T_odom_imu.linear() * keyframe.down_imu;
+    if (!down_map_) down_map_ = poses_.back().linear() * keyframe.down_imu;
+  }
+  if (config_.gravity_sigma_deg == 0.0 || !down_odom_) return;
+  const Eigen::Vector3d down_imu = keyframe.T_odom_imu.linear().transpose() * *down_odom_;
+  graph_.add_gravity({frames_.size() - 1, down_imu, *down_map_, config_.gravity_sigma_deg * kDegree});
+}
+
+void GlobalOptimizer::Implementation::add_external(const ExternalPose& pose) {
+  if (!external_.add(pose)) {
+    reporter_->report(
+        Severity::kWarning, "external_odometry",
+        "a message of the other odometry was dropped: its stamp does not follow the one before, "
+        "or its pose is none (sensor.external_odometry_topic)");
+    return;
+  }
+  use_external();
+}
+
+void GlobalOptimizer::Implementation::use_external() {
+  while (external_next_ + 1 < frames_.size() && external_.reaches(frames_[external_next_ + 1].stamp)) {
+    const Frame& to = frames_[external_next_ + 1];
+    std::optional<ExternalStep> step = external_.step(frames_[external_next_].stamp, to.stamp);
+    if (step && !to.begins_session) {
+      step->measured.from = external_next_;
+      step->measured.to = external_next_ + 1;
+      graph_.add_external_odometry(*step);
+      ++unsolved_;
+    }
+    ++external_next_;
+    external_.forget_before(to.stamp);
+  }
+}
+
+void GlobalOptimizer::Implementation::solve_sometimes() {
+  if (unsolved_ >= config_.solve_every) solve();
 }
 
 void GlobalOptimizer::Implementation::clean_clouds(bool is_last) {
@@ -199,7 +260,7 @@ void GlobalOptimizer::Implementation::solve() {
   if (!graph_.solve())
     reporter_->report(Severity::kError, "pose_graph", "the pose graph could not be optimised");
   for (std::size_t k = 0; k < poses_.size(); ++k) poses_[k] = graph_.pose(k);
-  unsolved_fixes_ = 0;
+  unsolved_ = 0;
 }
 
 /// The antenna at the stamp of the fix, by the odometry between the two keyframes about it.
@@ -212,13 +273,11 @@ TiedFix GlobalOptimizer::Implementation::tie(const GnssFix& fix) const {
   const Frame& before = frames_[tied.node];
   const double span_s = seconds_between(before.stamp, frames_[next].stamp);
   const double share = span_s > 0.0 ? seconds_between(before.stamp, fix.stamp) / span_s : 0.0;
-  const Eigen::Isometry3d T_step = before.T_odom_imu.inverse() * frames_[next].T_odom_imu;
-  Eigen::Isometry3d T_part = Eigen::Isometry3d::Identity();
-  T_part.linear() = so3::exp(share * so3::log(Eigen::Matrix3d(T_step.linear())));
-  T_part.translation() = share * T_step.translation();
+  const Eigen::Isometry3d T_part =
+      before.T_odom_imu.inverse() * interpolated(before.T_odom_imu, frames_[next].T_odom_imu, share);
   tied.p_imu = T_part * gnss_.p_imu_antenna;
   tied.p_map = poses_[tied.node] * tied.p_imu;
-  tied.path_m = before.path_m + share * T_step.translation().norm();
+  tied.path_m = before.path_m + T_part.translation().norm();
   return tied;
 }
 
@@ -228,7 +287,6 @@ void GlobalOptimizer::Implementation::use_fixes() {
     if (waiting_fixes_.front().stamp >= frames_.front().stamp) use_fix(waiting_fixes_.front());
     waiting_fixes_.pop_front();
   }
-  if (unsolved_fixes_ >= gnss_.solve_every) solve();
 }
 
 void GlobalOptimizer::Implementation::use_fix(const GnssFix& fix) {
@@ -239,7 +297,7 @@ void GlobalOptimizer::Implementation::use_fix(const GnssFix& fix) {
   fixes_.push_back({fix.stamp, verdict});
   if (verdict == GnssVerdict::kAccepted) {
     graph_.add_position(position);
-    ++unsolved_fixes_;
+    ++unsolved_;
   }
   if (verdict != GnssVerdict::kWaiting) return;
   std::vector<PositionFix> positions;
@@ -389,11 +447,18 @@ GlobalOptimizer::~GlobalOptimizer() = default;
 void GlobalOptimizer::add(Keyframe keyframe) { implementation_->add(std::move(keyframe)); }
 
 void GlobalOptimizer::add_fix(const GnssFix& fix) { implementation_->add_fix(fix); }
+void GlobalOptimizer::add_external(const ExternalPose& pose) { implementation_->add_external(pose); }
 void GlobalOptimizer::finish() {
   implementation_->clean_clouds(true);
-  if (implementation_->unsolved_fixes_ > 0) implementation_->solve();
+  if (implementation_->unsolved_ > 0) implementation_->solve();
+  if (implementation_->external_next_ == 0) return;
+  implementation_->reporter_->report(
+      Severity::kInfo, "external_scale",
+      "true way over the way that the other odometry says: " + std::to_string(external_scale()));
 }
 const std::vector<FixResult>& GlobalOptimizer::fixes() const { return implementation_->fixes_; }
+
+double GlobalOptimizer::external_scale() const { return implementation_->graph_.external_scale(); }
 
 std::optional<EnuAlignment> GlobalOptimizer::alignment() const {
   if (!implementation_->is_aligned_) return std::nullopt;

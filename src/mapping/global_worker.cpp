@@ -44,6 +44,10 @@ void GlobalWorker::add_fix(const GnssFix& fix) {
   add_to_map([this, fix] { optimizer_.add_fix(fix); });
 }
 
+void GlobalWorker::add_external(const ExternalPose& pose) {
+  add_to_map([this, pose] { optimizer_.add_external(pose); });
+}
+
 std::future<void> GlobalWorker::run(std::function<void(const GlobalOptimizer&)> job) {
   return thread_.push([this, job = std::move(job)] { job(optimizer_); });
 }

@@ -58,6 +58,7 @@ class PoseGraph::Implementation {
       : settings_(settings),
         loop_loss_(settings.loop_scale_sq),
         position_loss_(settings.position_scale_sq),
+        external_loss_(settings.external_scale_sq),
         problem_(problem_options()) {}
 
   std::size_t add_node(const Eigen::Isometry3d& T_map_imu) {
@@ -72,6 +73,23 @@ class PoseGraph::Implementation {
   void add_odometry(const RelativePose& measured) {
     odometry_.push_back(measured);
     add_relative(measured, nullptr);
+  }
+
+  void add_external_odometry(const ExternalStep& step) {
+    if (!problem_.HasParameterBlock(&external_scale_)) {
+      problem_.AddParameterBlock(&external_scale_, 1);
+      problem_.AddResidualBlock(new ScalePriorCost(settings_.external_scale_sigma), nullptr,
+                                &external_scale_);
+    }
+    problem_.AddResidualBlock(new ExternalStepCost(step), &external_loss_,
+                              poses_.at(step.measured.from).data(), poses_.at(step.measured.to).data(),
+                              &external_scale_);
+  }
+
+  double external_scale() const { return external_scale_; }
+
+  void add_gravity(const GravityDirection& measured) {
+    problem_.AddResidualBlock(new GravityCost(measured), nullptr, poses_.at(measured.node).data());
   }
 
   std::size_t add_loop(const RelativePose& measured) {
@@ -94,6 +112,7 @@ class PoseGraph::Implementation {
   bool solve() {
     const std::deque<Block> before = poses_;
     const AlignmentBlock alignment_before = alignment_;
+    const double scale_before = external_scale_;
     double worst = 0.0;
     for (std::size_t k = annealed_; k < loops_.size(); ++k) worst = std::max(worst, squared_error(loops_[k]));
     // Below its scale the kernel still pulls: no need to widen it.
@@ -109,6 +128,7 @@ class PoseGraph::Implementation {
     // In place: Ceres knows the blocks by their addresses.
     std::copy(before.begin(), before.end(), poses_.begin());
     alignment_ = alignment_before;
+    external_scale_ = scale_before;
     return false;
   }
 
@@ -161,8 +181,10 @@ class PoseGraph::Implementation {
   PoseManifold manifold_;
   GemanMcClureLoss loop_loss_;
   GemanMcClureLoss position_loss_;
+  GemanMcClureLoss external_loss_;
   std::deque<Block> poses_;  ///< a deque: addresses stay
   AlignmentBlock alignment_{};
+  double external_scale_ = 1.0;
   std::vector<RelativePose> odometry_;
   std::vector<RelativePose> loops_;
   std::size_t annealed_ = 0;  ///< loops that were in a solution already
@@ -179,6 +201,11 @@ std::size_t PoseGraph::add_node(const Eigen::Isometry3d& T_map_imu) {
   return implementation_->add_node(T_map_imu);
 }
 void PoseGraph::add_odometry(const RelativePose& measured) { implementation_->add_odometry(measured); }
+void PoseGraph::add_external_odometry(const ExternalStep& step) {
+  implementation_->add_external_odometry(step);
+}
+double PoseGraph::external_scale() const { return implementation_->external_scale(); }
+void PoseGraph::add_gravity(const GravityDirection& measured) { implementation_->add_gravity(measured); }
 std::size_t PoseGraph::add_loop(const RelativePose& measured) { return implementation_->add_loop(measured); }
 void PoseGraph::start_alignment(const EnuAlignment& alignment) {
   implementation_->start_alignment(alignment);

@@ -110,6 +110,20 @@ bool RelativePoseCost::Evaluate(double const* const* parameters, double* residua
   return true;
 }
 
+bool ExternalStepCost::Evaluate(double const* const* parameters, double* residuals,
+                                double** jacobians) const {
+  relative_.Evaluate(parameters, residuals, jacobians);
+  Vector6d::Map(residuals) -= (parameters[2][0] - 1.0) * scaled_;
+  if (jacobians != nullptr && jacobians[2] != nullptr) Vector6d::Map(jacobians[2]) = -scaled_;
+  return true;
+}
+
+bool ScalePriorCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+  residuals[0] = (parameters[0][0] - 1.0) / sigma_;
+  if (jacobians != nullptr && jacobians[0] != nullptr) jacobians[0][0] = 1.0 / sigma_;
+  return true;
+}
+
 PositionCost::PositionCost(const PositionFix& fix)
     : p_imu_(fix.p_imu), p_enu_(fix.p_enu), sqrt_information_(square_root<3>(fix.information)) {}
 
@@ -133,6 +147,17 @@ bool PositionCost::Evaluate(double const* const* parameters, double* residuals, 
     out.col(0).noalias() = sqrt_information_ * Eigen::Vector3d::UnitZ().cross(p_turned);
     out.rightCols<3>() = sqrt_information_;
   }
+  return true;
+}
+
+bool GravityCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+  const Eigen::Matrix3d R_map_imu = rotation_of(parameters[0]).toRotationMatrix();
+  const double weight = 1.0 / measured_.sigma_rad;
+  Eigen::Vector3d::Map(residuals) = weight * (R_map_imu * measured_.down_imu - measured_.down_map);
+  if (jacobians == nullptr || jacobians[0] == nullptr) return true;
+  Eigen::Map<RowMajor<3, kPoseSize>> out(jacobians[0]);
+  out.setZero();
+  out.leftCols<3>() = -weight * R_map_imu * so3::hat(measured_.down_imu);
   return true;
 }
 

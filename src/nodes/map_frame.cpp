@@ -286,6 +286,10 @@ void MapFrame::add_fix(const mapping::GnssFix& fix) {
   if (global_) global_->add_fix(fix);
 }
 
+void MapFrame::add_external(const mapping::ExternalPose& pose) {
+  if (global_) global_->add_external(pose);
+}
+
 void MapFrame::publish_map(Stamp stamp) {
   if (map_publisher_.getNumSubscribers() == 0) return;
   if (seconds_since(published_at_) <= config_.nodes.global_map_period_s) return;

@@ -46,6 +46,7 @@ class MapFrame {
   void add_cloud(const DeskewedCloudConstPtr& cloud);
 
   void add_fix(const mapping::GnssFix& fix);
+  void add_external(const mapping::ExternalPose& pose);
 
   /// Publishes map/global when it is time.
   void publish_map(Stamp stamp);

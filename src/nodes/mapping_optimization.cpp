@@ -57,6 +57,9 @@ void MappingOptimization::start() {
   if (config().gnss.enabled)
     fix_subscriber_ =
         handle.subscribe(config().sensor.gnss_topic, kQueue, &MappingOptimization::on_fix, this, hints);
+  if (config().external_odometry.enabled)
+    external_odometry_subscriber_ = handle.subscribe(config().sensor.external_odometry_topic, kQueue,
+                                                     &MappingOptimization::on_external_odometry, this, hints);
   services_ = std::make_unique<MapServices>(
       handle, config(),
       MapServices::Owner{[this] { return map_->snapshot(); }, [this] { request_reset(); },
@@ -165,6 +168,11 @@ void MappingOptimization::on_features(const FeaturesConstPtr& message) {
 void MappingOptimization::on_fix(const sensor_msgs::NavSatFixConstPtr& message) {
   const mapping::GnssFix fix = ros_bridge::to_gnss_fix(*message);
   if (previous_scan_ && !is_jump(*previous_scan_, fix.stamp)) map_->add_fix(fix);
+}
+
+void MappingOptimization::on_external_odometry(const nav_msgs::OdometryConstPtr& message) {
+  const mapping::ExternalPose pose = ros_bridge::to_external_pose(*message);
+  if (previous_scan_ && !is_jump(*previous_scan_, pose.stamp)) map_->add_external(pose);
 }
 
 void MappingOptimization::on_degeneracy(const DegeneracyConstPtr& message) {

@@ -9,6 +9,7 @@
 #include "map_frame.hpp"
 #include "node_base.hpp"
 #include "sensor_frames.hpp"
+#include <nav_msgs/Odometry.h>
 #include <sensor_msgs/NavSatFix.h>
 #include <std_msgs/Empty.h>
 
@@ -42,6 +43,7 @@ class MappingOptimization : public NodeBase {
   void on_preintegrated(const PreintegratedImuConstPtr& message);
   void on_scan(const DeskewedCloudConstPtr& message);
   void on_fix(const sensor_msgs::NavSatFixConstPtr& message);
+  void on_external_odometry(const nav_msgs::OdometryConstPtr& message);
   bool prepare();
   bool process_front();
   void request_reset();
@@ -73,7 +75,7 @@ class MappingOptimization : public NodeBase {
   SteadyClock::time_point local_map_at_;
 
   ros::Subscriber features_subscriber_, degeneracy_subscriber_, preintegrated_subscriber_, scan_subscriber_,
-      fix_subscriber_;
+      fix_subscriber_, external_odometry_subscriber_;
   ros::Publisher status_publisher_, state_publisher_, odometry_publisher_, local_map_publisher_,
       reset_publisher_;
   std::unique_ptr<MapFrame> map_;

@@ -1,5 +1,7 @@
 #include "fdi_lio/ros/conversions.hpp"
 
+#include <limits>
+
 namespace fdi_lio::ros_bridge {
 
 scan::RawCloud to_raw_cloud(const sensor_msgs::PointCloud2& cloud) {
@@ -40,6 +42,27 @@ mapping::GnssFix to_gnss_fix(const sensor_msgs::NavSatFix& message) {
   fix.covariance =
       Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.position_covariance.data());
   return fix;
+}
+
+mapping::ExternalPose to_external_pose(const nav_msgs::Odometry& message) {
+  mapping::ExternalPose pose;
+  pose.stamp = static_cast<Stamp>(message.header.stamp.toNSec());
+  const auto& p = message.pose.pose.position;
+  const auto& q = message.pose.pose.orientation;
+  const Eigen::Quaterniond rotation(q.w, q.x, q.y, q.z);
+  pose.T_world_child.translation() << p.x, p.y, p.z;
+  if (rotation.norm() > 0.5) {
+    pose.T_world_child.linear() = rotation.normalized().toRotationMatrix();
+  } else {
+    pose.T_world_child.linear().setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
+  // The messages have the translation first.
+  for (int k = 0; k < 6; ++k) {
+    const auto diagonal = static_cast<std::size_t>(7 * ((k + 3) % 6));
+    pose.twist_variance[k] = message.twist.covariance[diagonal];
+    pose.pose_variance[k] = message.pose.covariance[diagonal];
+  }
+  return pose;
 }
 
 }  // namespace fdi_lio::ros_bridge

@@ -1,5 +1,7 @@
 #include "fdi_lio/ros/odometry_message.hpp"
 
+#include <tf2_eigen/tf2_eigen.h>
+
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/ros/message_conversions.hpp"
 
@@ -27,14 +29,8 @@ nav_msgs::Odometry to_odometry(const imu::NavState& state, const Eigen::Isometry
   const Eigen::Matrix3d R_odom_imu = state.q_odom_imu.toRotationMatrix();
   const Eigen::Quaterniond q = (state.q_odom_imu * Eigen::Quaterniond(T_imu_base.rotation())).normalized();
   const Eigen::Vector3d arm = R_odom_imu * T_imu_base.translation();  // from the IMU to base_link, in odom
-  const Eigen::Vector3d t = state.t_odom_imu + arm;
-  message.pose.pose.position.x = t.x();
-  message.pose.pose.position.y = t.y();
-  message.pose.pose.position.z = t.z();
-  message.pose.pose.orientation.x = q.x();
-  message.pose.pose.orientation.y = q.y();
-  message.pose.pose.orientation.z = q.z();
-  message.pose.pose.orientation.w = q.w();
+  message.pose.pose.position = tf2::toMsg(Eigen::Vector3d(state.t_odom_imu + arm));
+  message.pose.pose.orientation = tf2::toMsg(q);
 
   // d t_base = d t_imu - arm x (R d theta); d rotation = R d theta, about the axes of odom.
   Matrix6d to_message = Matrix6d::Zero();
@@ -48,12 +44,8 @@ nav_msgs::Odometry to_odometry(const imu::NavState& state, const Eigen::Isometry
   const Eigen::Vector3d w_base = R_base_imu * state.w_imu;
   const Eigen::Vector3d v_base =
       R_base_imu * (R_odom_imu.transpose() * state.v_odom) - w_base.cross(T_base_imu.translation());
-  message.twist.twist.linear.x = v_base.x();
-  message.twist.twist.linear.y = v_base.y();
-  message.twist.twist.linear.z = v_base.z();
-  message.twist.twist.angular.x = w_base.x();
-  message.twist.twist.angular.y = w_base.y();
-  message.twist.twist.angular.z = w_base.z();
+  tf2::toMsg(v_base, message.twist.twist.linear);
+  tf2::toMsg(w_base, message.twist.twist.angular);
   const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> v_covariance(
       velocity_covariance.data());
   const Eigen::Matrix3d R_base_odom = R_base_imu * R_odom_imu.transpose();

@@ -88,6 +88,14 @@ void GnssSettings::visit(ParameterVisitor& v) {
   v.real({"gnss.altitude", "m", "of the map's origin"}, altitude_m, -500.0, 9000.0);
 }
 
+void WheelSettings::visit(ParameterVisitor& v) {
+  v.flag({"wheels.enabled", "", "write wheel odometry"}, enabled);
+  v.real({"wheels.rate", "Hz", "messages a second"}, rate_hz, 1.0, 1000.0);
+  v.real({"wheels.scale_error", "", "of the way, drawn once"}, scale_error, 0.0, 0.2);
+  v.real({"wheels.noise", "m/sqrt(m)", "of the way"}, noise, 0.0, 1.0);
+  v.real({"wheels.yaw_noise", "deg/sqrt(m)", "of the heading"}, yaw_noise_deg, 0.0, 10.0);
+}
+
 void Scenario::visit(ParameterVisitor& v) {
   v.real({"duration", "s", "of the recording"}, duration_s, 1.0, 7200.0);
   world.visit(v);
@@ -96,6 +104,7 @@ void Scenario::visit(ParameterVisitor& v) {
   imu.visit(v);
   imperfections.visit(v);
   gnss.visit(v);
+  wheels.visit(v);
 }
 
 }  // namespace fdi_lio::simulation

@@ -11,6 +11,7 @@
 #include <utility>
 #include <variant>
 
+#include <nav_msgs/Odometry.h>
 #include <rosbag/view.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/NavSatFix.h>
@@ -85,7 +86,7 @@ constexpr std::size_t kReadAhead = 64;
 /// One message of the recording, decoded.
 struct Decoded {
   double position_s = 0.0;  ///< receive time since the start
-  std::variant<std::monostate, imu::ImuSample, mapping::GnssFix, Scan> content;
+  std::variant<std::monostate, imu::ImuSample, mapping::GnssFix, mapping::ExternalPose, Scan> content;
   std::optional<double> read_ms;  ///< of a lidar message, which may be a part of a scan
 };
 
@@ -100,6 +101,11 @@ Decoded decode(const rosbag::MessageInstance& message, const SensorConfig& senso
   if (message.getTopic() == sensor.gnss_topic) {
     if (const auto fix = message.instantiate<sensor_msgs::NavSatFix>())
       decoded.content = ros_bridge::to_gnss_fix(*fix);
+    return decoded;
+  }
+  if (message.getTopic() == sensor.external_odometry_topic) {
+    if (const auto odometry = message.instantiate<nav_msgs::Odometry>())
+      decoded.content = ros_bridge::to_external_pose(*odometry);
     return decoded;
   }
   const auto started = std::chrono::steady_clock::now();
@@ -212,7 +218,15 @@ void BagSource::read(double start_s, double duration_s, Reporter* reporter, cons
   const ros::Time end = duration_s > 0.0 ? begin + ros::Duration(duration_s) : ros::TIME_MAX;
   rosbag::View view;
   std::vector<std::string> names = {sensor_.points_topic, sensor_.imu_topic};
-  if (callbacks.on_fix) names.push_back(sensor_.gnss_topic);
+  const auto add_optional = [&](const std::string& topic, const std::string& what) {
+    names.push_back(topic);
+    if (types_by_topic(&all).count(topic) == 0)
+      reporter->report(Severity::kWarning, "topic_missing " + what,
+                       "the bag has nothing on " + topic + ", the topic of " + what + ": going on without");
+  };
+  if (callbacks.on_fix) add_optional(sensor_.gnss_topic, "GNSS fixes (sensor.gnss_topic)");
+  if (callbacks.on_external)
+    add_optional(sensor_.external_odometry_topic, "another odometry (sensor.external_odometry_topic)");
   const rosbag::TopicQuery topics(names);
   for (const auto& bag : bags_) view.addQuery(*bag, topics, begin, end);
   ReadAhead messages(&view, begin, sensor_, reporter);
@@ -220,6 +234,8 @@ void BagSource::read(double start_s, double duration_s, Reporter* reporter, cons
     if (message->read_ms) callbacks.on_timing("read", *message->read_ms);
     if (const auto* sample = std::get_if<imu::ImuSample>(&message->content)) callbacks.on_imu(*sample);
     if (const auto* fix = std::get_if<mapping::GnssFix>(&message->content)) callbacks.on_fix(*fix);
+    if (const auto* pose = std::get_if<mapping::ExternalPose>(&message->content))
+      callbacks.on_external(*pose);
     if (auto* scan = std::get_if<Scan>(&message->content)) callbacks.on_scan(std::move(*scan));
     if (!callbacks.on_progress(message->position_s)) return;
   }

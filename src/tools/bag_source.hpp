@@ -12,6 +12,7 @@
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/mapping/external_odometry.hpp"
 #include "fdi_lio/mapping/gnss_aligner.hpp"
 
 namespace fdi_lio::tools {
@@ -22,6 +23,8 @@ struct BagCallbacks {
   std::function<void(Scan)> on_scan;
   /// May be empty: then fixes are not read.
   std::function<void(const mapping::GnssFix&)> on_fix = nullptr;
+  /// May be empty: then no other odometry is read.
+  std::function<void(const mapping::ExternalPose&)> on_external = nullptr;
   /// Returns false to stop.
   std::function<bool(double position_s)> on_progress;
   /// Called with the stage's name and its duration in milliseconds.

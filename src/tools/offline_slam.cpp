@@ -74,6 +74,8 @@ int run(const fdi_lio::tools::BagOptions& options) {
   callbacks.on_scan = [&](fdi_lio::Scan scan) { slam.add_scan(std::move(scan)); };
   if (config.gnss.enabled)
     callbacks.on_fix = [&](const fdi_lio::mapping::GnssFix& fix) { slam.add_fix(fix); };
+  if (config.external_odometry.enabled)
+    callbacks.on_external = [&](const fdi_lio::mapping::ExternalPose& pose) { slam.add_external(pose); };
   callbacks.on_timing = [&](const std::string& stage, double ms) { slam.add_timing(stage, ms); };
   callbacks.on_progress = [&](double position_s) {
     read_s = position_s;

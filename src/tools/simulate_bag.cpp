@@ -25,6 +25,7 @@
 #include "fdi_lio/simulation/lidar_simulator.hpp"
 #include "fdi_lio/simulation/scenario.hpp"
 #include "fdi_lio/simulation/sidecar_files.hpp"
+#include "fdi_lio/simulation/wheel_simulator.hpp"
 #include "fdi_lio/simulation/world_builder.hpp"
 
 namespace {
@@ -42,6 +43,7 @@ using tools::to_message;
 constexpr Stamp kStart = 1700000000LL * 1000000000LL;  // stamp of t = 0 in every recording
 constexpr double kImuLatency = 0.001;                  // seconds
 constexpr double kGnssLatency = 0.05;
+constexpr double kWheelLatency = 0.002;
 constexpr double kOdometryRate = 100.0;  // Hz
 constexpr int kBatch = 8;                // scans in memory at a time
 
@@ -90,6 +92,7 @@ class Recorder {
                scenario.world.dust_per_m, scenario.lidar, noise_seed),
         imu_(*drive_, scenario.imu, noise_seed),
         gnss_(*drive_, scenario.gnss, noise_seed),
+        wheels_(*drive_, scenario.wheels, noise_seed),
         tum_(files.working(".tum")),
         labels_(files.working(".labels")) {
     bag_->open(files.working(".bag"), rosbag::bagmode::Write);
@@ -113,6 +116,7 @@ class Recorder {
     tools::ProgressBar progress(scenario_.duration_s);
     first_ = next_ = imu_.next();
     fix_ = gnss_.next();
+    wheel_reading_ = wheels_.next();
     for (int begin = 0; begin < scans; begin += kBatch) {
       const int count = std::min(kBatch, scans - begin);
       std::vector<Scan> batch(static_cast<std::size_t>(count));
@@ -165,12 +169,18 @@ class Recorder {
       const double odometry = static_cast<double>(odometry_count_) / kOdometryRate;
       const double fix =
           scenario_.gnss.enabled ? fix_.time_s + kGnssLatency : std::numeric_limits<double>::max();
-      const double first = std::min({imu, odometry, fix});
+      const double wheels = scenario_.wheels.enabled ? wheel_reading_.time_s + kWheelLatency
+                                                     : std::numeric_limits<double>::max();
+      const double first = std::min({imu, odometry, fix, wheels});
       if (first >= time) return;
       if (first == odometry) {
         write_odometry(odometry);
       } else if (first == imu) {
         write_imu();
+      } else if (first == wheels) {
+        bag_->write("/wheel_odometry", to_ros_time(add_seconds(kStart, wheels)),
+                    to_message(wheel_reading_, scenario_.wheels, add_seconds(kStart, wheel_reading_.time_s)));
+        wheel_reading_ = wheels_.next();
       } else {
         bag_->write("/gps/fix", to_ros_time(add_seconds(kStart, fix)),
                     to_message(fix_, scenario_.gnss, add_seconds(kStart, fix_.time_s)));
@@ -200,11 +210,13 @@ class Recorder {
   sim::LidarSimulator lidar_;
   sim::ImuSimulator imu_;
   sim::GnssSimulator gnss_;
+  sim::WheelSimulator wheels_;
   sim::TumWriter tum_;
   sim::LabelWriter labels_;
   std::unique_ptr<rosbag::Bag> bag_ = std::make_unique<rosbag::Bag>();
   sim::ImuReading first_, next_;
   sim::GnssFix fix_;
+  sim::WheelReading wheel_reading_;
   std::int64_t odometry_count_ = 0;
 };
 

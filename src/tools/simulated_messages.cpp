@@ -1,13 +1,22 @@
 #include "simulated_messages.hpp"
 
+#include <cmath>
 #include <limits>
 #include <utility>
+
+#include <tf2_eigen/tf2_eigen.h>
 
 #include "fdi_lio/ros/message_conversions.hpp"
 
 namespace fdi_lio::tools {
 
 using ros_bridge::to_ros_time;
+
+namespace {
+
+constexpr double kUnknownVariance = 1e6;
+
+}  // namespace
 
 sensor_msgs::PointCloud2 to_message(simulation::EncodedCloud cloud, Stamp stamp, const std::string& frame) {
   sensor_msgs::PointCloud2 message;
@@ -61,22 +70,28 @@ nav_msgs::Odometry to_message(const simulation::MotionState& state, Stamp stamp)
   message.header.stamp = to_ros_time(stamp);
   message.header.frame_id = "map";
   message.child_frame_id = "imu_link";
-  const Eigen::Quaterniond q(state.T_map_imu.linear());
-  const Eigen::Vector3d& t = state.T_map_imu.translation();
-  const Eigen::Vector3d v_imu = state.T_map_imu.linear().transpose() * state.v_map;
-  message.pose.pose.position.x = t.x();
-  message.pose.pose.position.y = t.y();
-  message.pose.pose.position.z = t.z();
-  message.pose.pose.orientation.x = q.x();
-  message.pose.pose.orientation.y = q.y();
-  message.pose.pose.orientation.z = q.z();
-  message.pose.pose.orientation.w = q.w();
-  message.twist.twist.linear.x = v_imu.x();
-  message.twist.twist.linear.y = v_imu.y();
-  message.twist.twist.linear.z = v_imu.z();
-  message.twist.twist.angular.x = state.w_imu.x();
-  message.twist.twist.angular.y = state.w_imu.y();
-  message.twist.twist.angular.z = state.w_imu.z();
+  message.pose.pose = tf2::toMsg(state.T_map_imu);
+  tf2::toMsg(state.T_map_imu.linear().transpose() * state.v_map, message.twist.twist.linear);
+  tf2::toMsg(state.w_imu, message.twist.twist.angular);
+  return message;
+}
+
+nav_msgs::Odometry to_message(const simulation::WheelReading& reading,
+                              const simulation::WheelSettings& settings, Stamp stamp) {
+  nav_msgs::Odometry message;
+  message.header.stamp = to_ros_time(stamp);
+  message.header.frame_id = "odom_wheels";
+  message.child_frame_id = "imu_link";
+  message.pose.pose = tf2::toMsg(reading.T_start_imu);
+  message.twist.twist.linear.x = reading.speed_mps;
+  message.twist.twist.angular.z = reading.yaw_rate_radps;
+  // As drivers of planar odometry do: what they do not know has a huge variance.
+  for (const std::size_t axis : {std::size_t{2}, std::size_t{3}, std::size_t{4}}) {
+    message.pose.covariance[7 * axis] = kUnknownVariance;
+    message.twist.covariance[7 * axis] = kUnknownVariance;
+  }
+  const double speed_sigma = settings.scale_error * std::abs(reading.speed_mps);
+  message.twist.covariance[0] = speed_sigma * speed_sigma;
   return message;
 }
 

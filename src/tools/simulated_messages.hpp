@@ -12,6 +12,7 @@
 #include "fdi_lio/simulation/gnss_simulator.hpp"
 #include "fdi_lio/simulation/imu_simulator.hpp"
 #include "fdi_lio/simulation/trajectory.hpp"
+#include "fdi_lio/simulation/wheel_simulator.hpp"
 
 namespace fdi_lio::tools {
 
@@ -24,6 +25,10 @@ sensor_msgs::Imu to_message(const simulation::ImuReading& reading, const simulat
 
 /// The true pose of `imu_link` in `map`, and its velocity in its own axes.
 nav_msgs::Odometry to_message(const simulation::MotionState& state, Stamp stamp);
+
+/// Planar odometry; the variances of z, roll and pitch say that they are not known.
+nav_msgs::Odometry to_message(const simulation::WheelReading& reading,
+                              const simulation::WheelSettings& settings, Stamp stamp);
 
 /// A fix, or with NaN and STATUS_NO_FIX what a receiver without one sends.
 sensor_msgs::NavSatFix to_message(const simulation::GnssFix& fix, const simulation::GnssSettings& settings,

@@ -37,6 +37,8 @@ class SlamRun {
 
   void add_fix(const mapping::GnssFix& fix) { part_->global.add_fix(fix); }
 
+  void add_external(const mapping::ExternalPose& pose) { part_->global.add_external(pose); }
+
   /// Throws Error when the disk takes no more.
   void add_scan(Scan scan);
 

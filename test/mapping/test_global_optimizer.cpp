@@ -8,6 +8,7 @@
 #include <tbb/global_control.h>
 
 #include "fdi_lio/mapping/global_optimizer.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 namespace {
@@ -104,6 +105,143 @@ TEST(GlobalOptimizer, ScansMoveWithTheKeyframeBefore) {
   const Eigen::Isometry3d T_step = planar_pose(0.5, 0.0, 0.01);
   const Eigen::Isometry3d T = global.correct(keyframe.stamp + 1000, keyframe.T_odom_imu * T_step);
   EXPECT_TRUE(T.isApprox(global.T_map_imu(112) * T_step, 1e-9));
+}
+
+/// Keyframes every 2 m straight ahead, without clouds; each step of the odometry is off by `error`.
+std::vector<Keyframe> straight_drive(int count, const Eigen::Isometry3d& error, const Matrix6d& covariance) {
+  std::vector<Keyframe> keyframes;
+  Eigen::Isometry3d T_odom = Eigen::Isometry3d::Identity();
+  for (int k = 0; k < count; ++k) {
+    Keyframe keyframe;
+    keyframe.stamp = 1000000000LL * k;
+    keyframe.T_odom_imu = T_odom;
+    keyframe.covariance = covariance;
+    keyframes.push_back(keyframe);
+    T_odom = T_odom * planar_pose(2.0, 0.0, 0.0) * error;
+  }
+  return keyframes;
+}
+
+/// What wheels say of that drive ten times a second: the truth, with a slip of `slip_m` once.
+std::vector<ExternalPose> wheels_of_straight_drive(int count, double slip_m) {
+  std::vector<ExternalPose> poses;
+  for (int k = 0; k < 10 * count; ++k) {
+    ExternalPose pose;
+    pose.stamp = 100000000LL * k;
+    pose.T_world_child = planar_pose(0.2 * k + (k > 500 ? slip_m : 0.0), 0.0, 0.0);
+    poses.push_back(pose);
+  }
+  return poses;
+}
+
+Config without_loops() {
+  Config config;
+  config.loop.enabled = false;
+  config.external_odometry.enabled = true;
+  return config;
+}
+
+/// In a tunnel the odometry does not know the way along the axis, and says so.
+TEST(GlobalOptimizer, WheelsMeasureWhatTheOdometryDoesNotKnow) {
+  Matrix6d covariance = 1e-8 * Matrix6d::Identity();
+  covariance(3, 3) = 100.0;
+  const std::vector<Keyframe> drive = straight_drive(100, planar_pose(-0.1, 0.0, 0.0), covariance);
+  Reporter reporter;
+  GlobalOptimizer global(without_loops(), &reporter);
+  const std::vector<ExternalPose> wheels = wheels_of_straight_drive(100, 0.0);
+  std::size_t next = 0;
+  for (const Keyframe& keyframe : drive) {
+    global.add(keyframe);
+    // Messages come a little after the keyframe that needs them.
+    while (next < wheels.size() && wheels[next].stamp <= keyframe.stamp + 300000000LL)
+      global.add_external(wheels[next++]);
+  }
+  global.finish();
+  EXPECT_NEAR(drive.back().T_odom_imu.translation().x(), 188.1, 1e-6);
+  EXPECT_NEAR(global.T_map_imu(99).translation().x(), 198.0, 0.1);
+  EXPECT_LT(global.T_map_imu(99).translation().tail<2>().norm(), 0.01);
+}
+
+/// The odometry knows a step to 0.1 m.
+TEST(GlobalOptimizer, WheelsThatSlipAreNotBelieved) {
+  Matrix6d covariance = 1e-8 * Matrix6d::Identity();
+  covariance(3, 3) = 0.01;
+  Reporter reporter;
+  GlobalOptimizer global(without_loops(), &reporter);
+  for (const ExternalPose& pose : wheels_of_straight_drive(100, 5.0)) global.add_external(pose);
+  for (const Keyframe& keyframe : straight_drive(100, Eigen::Isometry3d::Identity(), covariance))
+    global.add(keyframe);
+  global.finish();
+  EXPECT_NEAR(global.T_map_imu(99).translation().x(), 198.0, 0.1);
+}
+
+/// Before the tunnel the odometry shows that the wheels say 2 % too much.
+TEST(GlobalOptimizer, ScaleOfTheWheelsIsFoundWhereTheOdometryIsGood) {
+  std::vector<Keyframe> drive =
+      straight_drive(100, Eigen::Isometry3d::Identity(), 1e-8 * Matrix6d::Identity());
+  for (std::size_t k = 50; k < drive.size(); ++k) {
+    drive[k].T_odom_imu.translation().x() -= 0.1 * static_cast<double>(k - 49);
+    drive[k].covariance(3, 3) = 1.0;
+  }
+  Reporter reporter;
+  GlobalOptimizer global(without_loops(), &reporter);
+  for (ExternalPose pose : wheels_of_straight_drive(100, 0.0)) {
+    pose.T_world_child.translation() *= 1.02;
+    global.add_external(pose);
+  }
+  for (const Keyframe& keyframe : drive) global.add(keyframe);
+  global.finish();
+  EXPECT_NEAR(global.external_scale(), 1.0 / 1.02, 2e-3);
+  EXPECT_NEAR(global.T_map_imu(99).translation().x(), 198.0, 0.3);
+}
+
+TEST(GlobalOptimizer, WheelsDoNotSpoilAGoodOdometry) {
+  const std::vector<Keyframe> drive =
+      straight_drive(100, Eigen::Isometry3d::Identity(), 1e-8 * Matrix6d::Identity());
+  Reporter reporter;
+  GlobalOptimizer global(without_loops(), &reporter);
+  for (ExternalPose pose : wheels_of_straight_drive(100, 0.0)) {
+    pose.T_world_child.translation() *= 1.02;
+    global.add_external(pose);
+  }
+  for (const Keyframe& keyframe : drive) global.add(keyframe);
+  global.finish();
+  EXPECT_NEAR(global.T_map_imu(99).translation().x(), 198.0, 0.5);
+}
+
+TEST(GlobalOptimizer, ABrokenMessageOfTheWheelsIsReported) {
+  Reporter reporter;
+  GlobalOptimizer global(without_loops(), &reporter);
+  ExternalPose pose;
+  global.add_external(pose);
+  global.add_external(pose);  // the same stamp
+  ASSERT_TRUE(reporter.has("external_odometry"));
+  EXPECT_EQ(reporter.notices().at("external_odometry").count, 1U);
+}
+
+/// The other odometry claims a climb by 0.02 degrees of pitch a metre, and the odometry alone does not know.
+TEST(GlobalOptimizer, GravityKeepsTheMapLevel) {
+  std::vector<Keyframe> drive = straight_drive(100, Eigen::Isometry3d::Identity(), isotropic(0.1, 0.1));
+  drive[3].down_imu = Eigen::Vector3d(0.0, 0.0, -1.0);
+  const auto height = [&drive](double gravity_sigma_deg) {
+    Config config = without_loops();
+    config.loop.gravity_sigma_deg = gravity_sigma_deg;
+    Reporter reporter;
+    GlobalOptimizer global(config, &reporter);
+    for (const Keyframe& keyframe : drive) global.add(keyframe);
+    ExternalPose pose;
+    for (int k = 0; k < 1000; ++k) {
+      global.add_external(pose);
+      pose.stamp += 100000000LL;
+      pose.T_world_child.translate(Eigen::Vector3d(0.2, 0.0, 0.0));
+      pose.T_world_child.rotate(so3::exp_q(Eigen::Vector3d(0.0, -7e-5, 0.0)));
+    }
+    global.finish();
+    return global.T_map_imu(99).translation().z();
+  };
+  const double tilted = height(0.0);
+  EXPECT_GT(tilted, 3.0);
+  EXPECT_LT(std::abs(height(0.2)), 0.2 * tilted);
 }
 
 TEST(GlobalOptimizer, NothingIsNoError) {

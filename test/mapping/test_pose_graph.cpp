@@ -115,6 +115,46 @@ TEST(PositionCost, JacobiansAreThoseOfTheResidual) {
   }
 }
 
+TEST(ExternalStepCost, JacobiansAreThoseOfTheResidual) {
+  std::mt19937 random(6);
+  ExternalStep step;
+  const Eigen::Isometry3d T_from = random_pose(&random, 3.0, 10.0);
+  step.measured.T_from_to = random_pose(&random, 1.0, 5.0);
+  step.measured.information = random_information(&random);
+  step.way = Eigen::Vector3d(2.0, 0.3, -0.4);
+  double from[kPoseSize], to[kPoseSize], scale[] = {1.2};
+  pose_to_block(T_from, from);
+  pose_to_block(T_from * step.measured.T_from_to * random_pose(&random, 0.7, 1.0), to);
+  const ExternalStepCost cost(step);
+  EXPECT_LT(pose_jacobian_error<6>(cost, {from, to, scale}, 0), 1e-6);
+  EXPECT_LT(pose_jacobian_error<6>(cost, {from, to, scale}, 1), 1e-6);
+  // The residual is linear in the scale, and that of the relative pose where it is 1.
+  Vector6d analytic, residuals, longer, relative;
+  double* jacobians[] = {nullptr, nullptr, analytic.data()};
+  const double* blocks[] = {from, to, scale};
+  cost.Evaluate(blocks, residuals.data(), jacobians);
+  scale[0] += 1.0;
+  cost.Evaluate(blocks, longer.data(), nullptr);
+  EXPECT_LT((longer - residuals - analytic).norm(), 1e-9);
+  scale[0] = 1.0;
+  cost.Evaluate(blocks, residuals.data(), nullptr);
+  RelativePoseCost(step.measured).Evaluate(blocks, relative.data(), nullptr);
+  EXPECT_LT((residuals - relative).norm(), 1e-12);
+}
+
+TEST(GravityCost, JacobianIsThatOfTheResidual) {
+  std::mt19937 random(4);
+  for (int trial = 0; trial < 20; ++trial) {
+    GravityDirection measured;
+    measured.down_imu = random_pose(&random, 3.0, 1.0).linear().col(0);
+    measured.down_map = Eigen::Vector3d(0.0, 0.0, -1.0);
+    measured.sigma_rad = 0.3;
+    double pose[kPoseSize];
+    pose_to_block(random_pose(&random, 3.0, 20.0), pose);
+    EXPECT_LT(pose_jacobian_error<3>(GravityCost(measured), {pose}, 0), 1e-6);
+  }
+}
+
 /// A square driven twice with a random heading error in each step, and its true poses.
 struct DriftingSquare {
   explicit DriftingSquare(double heading_sigma_rad) {

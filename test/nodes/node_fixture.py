@@ -86,7 +86,7 @@ class Recording(unittest.TestCase):
         cls.bag = cls.path / "street.bag"
         subprocess.run(
             [BIN / "simulate_bag", "--scenario", SOURCE / "config/scenarios/street.yaml", "--seed", "8", "--output",
-             cls.bag, "--duration", str(DURATION_S), "--set", "lidar.model=vlp16"], check=True, capture_output=True)
+             cls.bag, "--duration", str(DURATION_S), "--set", "lidar.model=vlp16", "--set", "wheels.enabled=true"], check=True, capture_output=True)
         cls.config = cls.path / "street.config.yaml"
         # A mounting that is turned by a little: rotations that are rounded on their way show.
         text = cls.config.read_text(encoding="utf-8")

@@ -3,6 +3,7 @@
 
 usage: test_nodes.py BIN_DIR SOURCE_DIR [TEST...]
 """
+import filecmp
 import subprocess
 import sys
 import time
@@ -30,6 +31,15 @@ class Nodes(Recording):
     def test_five_nodelets_compute_what_one_process_does(self):
         self.play("nodelets", "nodelet:=true").wait()
         self.expect_same_as_offline("nodelets")
+
+    def test_another_odometry_moves_the_map_and_not_the_odometry(self):
+        self.play("wheels", "set:=external_odometry.enabled=true").wait(120)
+        odometry = read_tum(self.path / "wheels/odometry.tum")
+        trajectory = read_tum(self.path / "wheels/trajectory.tum")
+        self.assertTrue(filecmp.cmp(self.path / "offline/odometry.tum", self.path / "wheels/odometry.tum", shallow=False))
+        apart = np.linalg.norm(trajectory[:, 1:4] - odometry[:, 1:4], axis=1)
+        self.assertGreater(apart.max(), 1e-4)
+        self.assertLess(apart.max(), 0.3)
 
     def test_every_imu_message_is_answered_and_odometry_does_not_jump(self):
         launch = self.play("rate")

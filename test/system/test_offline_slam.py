@@ -41,9 +41,11 @@ class OfflineSlam(unittest.TestCase):
         cls.folder = tempfile.TemporaryDirectory()
         cls.path = pathlib.Path(cls.folder.name)
         cls.bag = cls.path / "street.bag"
+        others = "gnss.enabled=true gnss.rate=5 gnss.noise=0.3 gnss.drift=0.1 gnss.outage_share=0 wheels.enabled=true"
+        settings = [word for pair in others.split() for word in ("--set", pair)]
         subprocess.run(
             [BIN / "simulate_bag", "--scenario", SOURCE / "config/scenarios/street.yaml", "--seed", "7", "--output",
-             cls.bag, "--duration", str(DURATION_S)], check=True, capture_output=True)
+             cls.bag, "--duration", str(DURATION_S), *settings], check=True, capture_output=True)
 
     @classmethod
     def tearDownClass(cls):
@@ -83,6 +85,22 @@ class OfflineSlam(unittest.TestCase):
         self.assertIn("/imu_raw", done.stderr)
         estimate = read_tum(self.path / "lidar/trajectory.tum")
         self.assertLess(ate_rmse(estimate, read_tum(self.path / "street.tum")), 1.0)
+
+    def test_fixes_and_wheels_move_the_map_and_not_the_odometry(self):
+        self.assertEqual(self.run_slam("alone").returncode, 0)
+        both = ("--set", "gnss.enabled=true", "--set", "external_odometry.enabled=true")
+        done = self.run_slam("both", *both)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("true way over the way that the other odometry says: ", done.stderr)
+        self.assertIn("accepted", (self.path / "both/fixes.csv").read_text())
+        self.assertTrue(filecmp.cmp(self.path / "alone/odometry.tum", self.path / "both/odometry.tum", shallow=False))
+        estimate = read_tum(self.path / "both/trajectory.tum")
+        self.assertLess(ate_rmse(estimate, read_tum(self.path / "street.tum")), 0.3)
+        missing = self.run_slam("missing", "--duration", "3", *both, "--set", "sensor.gnss_topic=/none",
+                                "--set", "sensor.external_odometry_topic=/none")
+        self.assertEqual(missing.returncode, 0, missing.stderr)
+        self.assertIn("sensor.gnss_topic", missing.stderr)
+        self.assertIn("sensor.external_odometry_topic", missing.stderr)
 
     def test_wrong_topic_names_those_that_would_do(self):
         two = self.path / "two_lidars.bag"

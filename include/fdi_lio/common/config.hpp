@@ -17,6 +17,7 @@ struct SensorConfig {
   std::string points_topic = "/points_raw";
   std::string imu_topic = "/imu_raw";
   std::string gnss_topic = "/gps/fix";
+  std::string external_odometry_topic = "/wheel_odometry";
   std::string deskew = "auto";     // auto | already_done
   std::string stamp_at = "start";  // start | end, for clouds with non-negative relative times
   double scan_period_s = 0.1;
@@ -182,6 +183,7 @@ struct Config {
   mapping::AdaptationConfig adaptation;
   mapping::LoopConfig loop;
   mapping::GnssConfig gnss;
+  mapping::ExternalOdometryConfig external_odometry;
   mapping::LocalisationConfig localisation;
   NodeConfig nodes;
   CheckConfig check;

@@ -3,6 +3,7 @@
 #include <string>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "fdi_lio/common/parameter_visitor.hpp"
 
@@ -34,6 +35,8 @@ struct LoopConfig {
   double confirm_above_m = 2.0;
   double odometry_sigma_translation = 0.01;
   double odometry_sigma_rotation_deg = 0.03;
+  double gravity_sigma_deg = 0.5;
+  int solve_every = 10;
   double max_chi_square = 16.8;
   int cloud_memory_mb = 500;
   bool save_session = false;
@@ -53,8 +56,21 @@ struct GnssConfig {
   double align_inliers = 0.7;
   double max_deviation = 3.5;
   bool use_altitude = false;
-  int solve_every = 10;
 
+  void visit(ParameterVisitor& visitor);
+};
+
+/// Odometry of wheels or cameras in the pose graph.
+struct ExternalOdometryConfig {
+  bool enabled = false;
+  Eigen::Vector3d t_imu_child = Eigen::Vector3d::Zero();
+  Eigen::Quaterniond q_imu_child = Eigen::Quaterniond::Identity();
+  double sigma_translation = 0.02;
+  double sigma_rotation_deg_per_m = 0.2;
+  double sigma_scale = 0.03;
+  double max_gap_s = 0.5;
+
+  Eigen::Isometry3d T_imu_child() const;
   void visit(ParameterVisitor& visitor);
 };
 

@@ -10,6 +10,7 @@
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/mapping/estimator.hpp"
+#include "fdi_lio/mapping/external_odometry.hpp"
 #include "fdi_lio/mapping/gnss_aligner.hpp"
 #include "fdi_lio/mapping/graph_file.hpp"
 #include "fdi_lio/mapping/keyframe_store.hpp"
@@ -24,6 +25,9 @@ struct Keyframe {
   Stamp stamp = 0;
   Eigen::Isometry3d T_odom_imu = Eigen::Isometry3d::Identity();
   Matrix6d covariance = Matrix6d::Zero();  ///< of T_odom_imu against the local map, [dtheta, dt (odom)]
+  /// Unit vector towards the centre of the earth in the IMU frame; zero while it is not known. The first of a
+  /// session is used.
+  Eigen::Vector3d down_imu = Eigen::Vector3d::Zero();
   KeyframeCloud cloud;
   /// Ranges of the scan, which show where it looked through something; may be empty.
   std::shared_ptr<const scan::RangeImage> image;
@@ -43,8 +47,9 @@ struct FixResult {
   GnssVerdict verdict = GnssVerdict::kWaiting;
 };
 
-/// The globally consistent map: keyframes and GNSS fixes in, corrected poses and map -> odom out. Looks for
-/// loops, verifies them, and optimises the pose graph when one is accepted. Synchronous and deterministic.
+/// The globally consistent map: keyframes, GNSS fixes and other odometry in, corrected poses and map -> odom
+/// out. Looks for loops, verifies them, and optimises the pose graph when one is accepted. Synchronous and
+/// deterministic.
 class GlobalOptimizer {
  public:
   GlobalOptimizer(const Config& config, Reporter* reporter);
@@ -57,12 +62,18 @@ class GlobalOptimizer {
   /// Adds a fix. It is used when a keyframe of its stamp or later has come.
   void add_fix(const GnssFix& fix);
 
+  /// Adds a pose of another odometry. It is used when it and the keyframes about it have come.
+  void add_external(const ExternalPose& pose);
+
   /// Optimises what came since the last time, and cleans the clouds that still wait for later keyframes
   /// (GhostRemover). To be called at the end.
   void finish();
 
   /// Where the map lies in ENU; nothing until the fixes have shown it.
   std::optional<EnuAlignment> alignment() const;
+
+  /// True way over the way that the other odometry says (external_odometry.*); 1 before it says anything.
+  double external_scale() const;
 
   /// Every fix that was looked at.
   const std::vector<FixResult>& fixes() const;

@@ -27,6 +27,9 @@ class GlobalWorker {
   /// Adds a fix, which belongs to the keyframes about its stamp.
   void add_fix(const GnssFix& fix);
 
+  /// Adds a pose of another odometry.
+  void add_external(const ExternalPose& pose);
+
   /// Runs `job` in the thread, when everything that was added before is done; what is added meanwhile waits.
   /// What the job throws comes out of the future, and std::future_error when the worker ends before.
   std::future<void> run(std::function<void(const GlobalOptimizer&)> job);

@@ -21,12 +21,28 @@ struct RelativePose {
   Matrix6d information = Matrix6d::Identity();  ///< may be singular: what is not known is not constrained
 };
 
+/// What another odometry says of the way between two keyframes. Its ways may all be too long or too short by
+/// the same share (tyres, the scale of a camera), which the graph estimates.
+struct ExternalStep {
+  RelativePose measured;
+  /// The part of the translation that the scale belongs to, in the axes of `from`; the rest is the lever arm.
+  Eigen::Vector3d way = Eigen::Vector3d::Zero();
+};
+
 /// An antenna position in ENU, seen from keyframe `node`.
 struct PositionFix {
   std::size_t node = 0;
   Eigen::Vector3d p_imu = Eigen::Vector3d::Zero();  ///< antenna in the IMU frame of the keyframe [m]
   Eigen::Vector3d p_enu = Eigen::Vector3d::Zero();  ///< [m]
   Eigen::Matrix3d information = Eigen::Matrix3d::Identity();  ///< in ENU axes [1/m^2]
+};
+
+/// Which way is down at keyframe `node`.
+struct GravityDirection {
+  std::size_t node = 0;
+  Eigen::Vector3d down_imu = Eigen::Vector3d::Zero();  ///< unit vector in the IMU frame of the keyframe
+  Eigen::Vector3d down_map = Eigen::Vector3d::Zero();  ///< unit vector in map
+  double sigma_rad = 1.0;
 };
 
 /// Where the map lies in ENU: rotation about the vertical and translation (roll and pitch are known from
@@ -43,6 +59,10 @@ struct PoseGraphSettings {
   double loop_scale_sq = 16.8;
   /// The same for a position, 3 degrees of freedom.
   double position_scale_sq = 11.3;
+  /// The same for a step of another odometry, 6 degrees of freedom.
+  double external_scale_sq = 16.8;
+  /// Standard deviation of the other odometry's scale.
+  double external_scale_sigma = 0.03;
   int max_iterations = 30;
 };
 
@@ -62,6 +82,14 @@ class PoseGraph {
   std::size_t add_node(const Eigen::Isometry3d& T_map_imu);
 
   void add_odometry(const RelativePose& measured);
+
+  /// Adds what another odometry says of the same way; wheels slip, so it has a Geman-McClure kernel.
+  void add_external_odometry(const ExternalStep& step);
+
+  /// True way over the way that the other odometry says; 1 before it says anything.
+  double external_scale() const;
+
+  void add_gravity(const GravityDirection& measured);
 
   /// Returns the loop's index.
   std::size_t add_loop(const RelativePose& measured);

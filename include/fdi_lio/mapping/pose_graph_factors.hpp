@@ -33,12 +33,37 @@ class PoseManifold : public ceres::Manifold {
 class RelativePoseCost : public ceres::SizedCostFunction<6, kPoseSize, kPoseSize> {
  public:
   explicit RelativePoseCost(const RelativePose& measured);
+  const Matrix6d& sqrt_information() const { return sqrt_information_; }
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  private:
   Eigen::Quaterniond q_from_to_;
   Eigen::Vector3d t_from_to_;
   Matrix6d sqrt_information_;
+};
+
+/// The same with R_f' (t_t - t_f) - (t_ft + (s - 1) w) for the translation: w the way in t_ft, s the scale.
+/// Blocks: from, to, scale.
+class ExternalStepCost : public ceres::SizedCostFunction<6, kPoseSize, kPoseSize, 1> {
+ public:
+  explicit ExternalStepCost(const ExternalStep& step) : relative_(step.measured) {
+    scaled_ = relative_.sqrt_information().rightCols<3>() * step.way;
+  }
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ private:
+  RelativePoseCost relative_;
+  Vector6d scaled_;  ///< A [0, w]
+};
+
+/// r = (s - 1) / sigma.
+class ScalePriorCost : public ceres::SizedCostFunction<1, 1> {
+ public:
+  explicit ScalePriorCost(double sigma) : sigma_(sigma) {}
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ private:
+  double sigma_;
 };
 
 /// r = A (R_z(yaw) (R p_imu + t) + t_enu_map - p_enu) with A' A the information. Blocks: pose, alignment.
@@ -51,6 +76,16 @@ class PositionCost : public ceres::SizedCostFunction<3, kPoseSize, kAlignmentSiz
   Eigen::Vector3d p_imu_;
   Eigen::Vector3d p_enu_;
   Eigen::Matrix3d sqrt_information_;
+};
+
+/// r = (R d_imu - d_map) / sigma, d: down. Turning about the vertical changes nothing. Block: pose.
+class GravityCost : public ceres::SizedCostFunction<3, kPoseSize> {
+ public:
+  explicit GravityCost(const GravityDirection& measured) : measured_(measured) {}
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ private:
+  GravityDirection measured_;
 };
 
 /// rho(s) = a s / (a + s): quadratic near zero, constant far away.

@@ -24,6 +24,16 @@ inline Vector6d difference(const Eigen::Isometry3d& from, const Eigen::Isometry3
   return delta;
 }
 
+/// The pose at `share` of the way from one to another: turning and moving evenly.
+inline Eigen::Isometry3d interpolated(const Eigen::Isometry3d& from, const Eigen::Isometry3d& to,
+                                      double share) {
+  const Eigen::Isometry3d T_step = from.inverse() * to;
+  Eigen::Isometry3d T_part = Eigen::Isometry3d::Identity();
+  T_part.linear() = so3::exp(share * so3::log(Eigen::Matrix3d(T_step.linear())));
+  T_part.translation() = share * T_step.translation();
+  return from * T_part;
+}
+
 /// Covariance with the same standard deviation about all axes and along all axes.
 inline Matrix6d isotropic(double sigma_rad, double sigma_m) {
   Matrix6d covariance = Matrix6d::Zero();

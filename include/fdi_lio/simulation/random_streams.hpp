@@ -14,6 +14,7 @@ enum RandomStream : std::uint64_t {
   kStreamImu,
   kStreamImuBias,
   kStreamGnss,
+  kStreamWheels,
 };
 
 }  // namespace fdi_lio::simulation

@@ -107,6 +107,16 @@ struct GnssSettings {
   void visit(ParameterVisitor& visitor);
 };
 
+struct WheelSettings {
+  bool enabled = false;
+  double rate_hz = 50.0;
+  double scale_error = 0.01;   ///< of the way, standard deviation, drawn once
+  double noise = 0.01;         ///< of the way, m/sqrt(m)
+  double yaw_noise_deg = 0.2;  ///< deg/sqrt(m)
+
+  void visit(ParameterVisitor& visitor);
+};
+
 /// Everything that `simulate_bag` draws a recording from, apart from the seed.
 struct Scenario {
   double duration_s = 60.0;
@@ -116,6 +126,7 @@ struct Scenario {
   ImuSettings imu;
   ImperfectionSettings imperfections;
   GnssSettings gnss;
+  WheelSettings wheels;
 
   void visit(ParameterVisitor& visitor);
 };
