@@ -25,6 +25,9 @@ def parse_arguments():
     parser.add_argument("--session-duration", type=float, default=60.0, help="of the recording of the session [s]")
     parser.add_argument("--duration", type=float, default=20.0, help="of each drive [s]")
     parser.add_argument("--starts", type=int, default=20)
+    parser.add_argument("--initial-error", type=float, metavar="M",
+                        help="give each drive an initial pose that is off by this (standard deviation along each "
+                             "axis; 5 degrees of heading); without: none")
     parser.add_argument("--simulate", action="append", default=[], metavar="KEY=VALUE", help="for the simulator")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="for offline_slam")
     return parser.parse_args()
@@ -61,6 +64,17 @@ class Drives:
         truth = np.loadtxt(self.path / f"{name}.tum")
         return np.stack([np.interp(stamps, truth[:, 0], truth[:, k]) for k in (1, 2, 3)], axis=1)
 
+    def guess(self, name, rotation, translation, seed):
+        """Options with an initial pose in the session's map, world = rotation map + translation."""
+        sigma_m, random = self.arguments.initial_error, np.random.default_rng(seed)
+        first = np.loadtxt(self.path / f"{name}.tum")[0]
+        x, y = (rotation.T @ (first[1:4] - translation))[:2] + sigma_m * random.standard_normal(2)
+        qx, qy, qz, qw = first[4:8]
+        yaw = np.arctan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy ** 2 + qz ** 2)) - np.arctan2(rotation[1, 0], rotation[0, 0])
+        yaw_deg = np.degrees(yaw) + 5.0 * random.standard_normal()
+        return ["--initial-pose", f"{x:.3f} {y:.3f} {yaw_deg:.2f}", "--set",
+                f"localisation.initial_sigma_translation={max(sigma_m, 0.1)}"]
+
 
 def rigid(source, target):
     """R, t of the least squares target = R source + t."""
@@ -95,7 +109,8 @@ def main():
         name = f"start_{k:02d}"
         drives.simulate(name, arguments.duration, "--revisit", start, "--reversed", "yes" if is_reversed else "no",
                         "--noise-seed", 1000 + k)
-        is_found, _ = drives.run(name, "--localise", drives.path / "session/session")
+        guess = [] if arguments.initial_error is None else drives.guess(name, rotation, translation, k)
+        is_found, _ = drives.run(name, "--localise", drives.path / "session/session", *guess)
         begin = np.loadtxt(drives.path / name / "odometry.tum")[0, 0]
         beside = np.linalg.norm(way[:, 1:4] - np.loadtxt(drives.path / f"{name}.tum")[0, 1:4], axis=1).min()
         found_s, ate, local, worst = float("inf"), float("nan"), float("nan"), float("nan")

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 
 #include "fdi_lio/mapping/loop_verifier.hpp"
+#include "fdi_lio/mapping/place_hypothesis.hpp"
 #include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
@@ -27,18 +27,11 @@ constexpr std::size_t kSourceScans = 4;
 constexpr double kNewScanM = 0.5;
 /// Places in the session that are nearer to each other are one candidate of the search.
 constexpr double kApartM = 5.0;
-/// Estimates that are nearer to each other are the same place.
-constexpr double kSamePlaceM = 1.0;
-constexpr double kSamePlaceRad = 5.0 * kDegree;
 /// What a registration can be off by without being wrong, besides its covariance.
 constexpr double kBaseSigmaM = 0.1;
 constexpr double kBaseSigmaRad = 0.5 * kDegree;
-/// A place is believed when it is known to this standard deviation.
-constexpr double kKnownSigmaM = 0.5;
-/// Or, where a pose was expected, to so many of its own: along a corridor the user's word may be all there
-/// is.
-constexpr double kGivenSigmas = 1.5;
-constexpr double kKnownSigmaRad = 2.0 * kDegree;
+/// Roll and pitch of a new hypothesis: gravity gives them, to the session and to the odometry.
+constexpr double kLevelSigmaRad = 1.0 * kDegree;
 /// Step of the headings about an expected one: what the search of a registration covers.
 constexpr double kHeadingStepRad = 0.3;
 /// A heading that is nearer to that of a hypothesis is not looked at again.
@@ -49,11 +42,6 @@ constexpr double kModeSigmaM = 0.5;
 constexpr double kMaxSigmaM = 2.7;
 /// Failed registrations in a row that end the hypothesis of a place.
 constexpr int kHypothesisFailures = 2;
-
-double largest_sigma(const Eigen::Matrix3d& covariance) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance, Eigen::EigenvaluesOnly);
-  return std::sqrt(std::max(0.0, solver.eigenvalues()[2]));
-}
 
 }  // namespace
 
@@ -85,35 +73,6 @@ class Localiser::Implementation {
   SessionMap& session() { return session_; }
 
  private:
-  /// Where the odometry may be.
-  struct Estimate {
-    Eigen::Isometry3d T_map_odom = Eigen::Isometry3d::Identity();
-    Matrix6d covariance = Matrix6d::Zero();  ///< of T_map_imu at way_m
-    double way_m = 0.0;                      ///< of the odometry at the last registration
-  };
-  /// A place that may be the right one. Where several fit about as well, each is a hypothesis of its own.
-  struct Hypothesis {
-    Estimate estimate;
-    Stamp found_at = 0;
-    double found_at_m = 0.0;
-    Stamp confirmed_at = 0;
-    double confirmed_at_m = 0.0;
-    int confirmations = 0;
-    int failures = 0;
-    int registrations = 0;
-    double score = 0.0;          ///< sum of the shares of walls that fitted
-    double known_sigma_m = 0.0;  ///< to which it must be known to be believed
-
-    double mean_score() const { return registrations == 0 ? 0.0 : score / registrations; }
-  };
-  /// Where to look before places that look alike: the user's word, or from before the place was lost.
-  struct Expectation {
-    Eigen::Isometry3d T_map_odom;
-    double sigma_m;
-    double sigma_rad;
-    double way_m;
-    int tries;  ///< searches that look nowhere else
-  };
   struct Recent {
     Eigen::Isometry3d T_odom_imu;
     double way_m;
@@ -124,20 +83,17 @@ class Localiser::Implementation {
   void expect(const InitialPose& pose);
   Eigen::Isometry3d T_odom_imu() const { return recent_.back().T_odom_imu; }
   std::vector<PlacedCloud> source() const;
-  Matrix6d predicted_covariance(const Estimate& estimate) const;
+  Matrix6d predicted_covariance(const PlaceEstimate& estimate) const;
   LoopCandidate register_at(const Eigen::Isometry3d& T_map_imu, double sigma_m, double sigma_rad);
-  LoopCandidate correct(Estimate* estimate, double max_sigma_m);
+  LoopCandidate correct(PlaceEstimate* estimate, double max_sigma_m);
   LoopCandidate track();
   LoopCandidate search(Stamp stamp);
-  void check(Hypothesis* hypothesis, Stamp stamp, LoopCandidate* newest);
+  void check(PlaceHypothesis* hypothesis, Stamp stamp, LoopCandidate* newest);
   bool is_looked_at(const Eigen::Isometry3d& T_map_imu, double radius_m) const;
-  void look_at(const Eigen::Isometry3d& T_map_imu, double sigma_m, double sigma_rad, double known_sigma_m,
-               Stamp stamp, LoopCandidate* newest);
+  std::vector<PlaceHypothesis> look_at(const Eigen::Isometry3d& T_map_imu, double sigma_m, double sigma_rad,
+                                       double known_sigma_m, Stamp stamp, LoopCandidate* newest);
   void look_where_expected(Stamp stamp, LoopCandidate* newest);
   void look_where_alike(Stamp stamp, LoopCandidate* newest);
-  bool is_same_place(const Estimate& a, const Estimate& b) const;
-  void join_equal_hypotheses();
-  bool is_believable(const Hypothesis& hypothesis, Stamp stamp) const;
   void decide(Stamp stamp);
 
   Config config_;
@@ -145,10 +101,10 @@ class Localiser::Implementation {
   SessionMap session_;
   LoopVerifier verifier_;
   LocalisationState state_ = LocalisationState::kSearching;
-  std::optional<Estimate> estimate_;  ///< once found
-  std::vector<Hypothesis> hypotheses_;
+  std::optional<PlaceEstimate> estimate_;  ///< once found
+  std::vector<PlaceHypothesis> hypotheses_;
   std::optional<InitialPose> given_;
-  std::optional<Expectation> expectation_;
+  std::optional<PlaceExpectation> expectation_;
   std::deque<Recent> recent_;
   std::optional<Stamp> registered_at_;
   double registered_at_m_ = 0.0;
@@ -184,8 +140,9 @@ void Localiser::Implementation::expect(const InitialPose& pose) {
   T_map_imu.linear() = Eigen::AngleAxisd(pose.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
                        levelled(T_odom_imu().linear());
   T_map_imu.translation() = Eigen::Vector3d(pose.x_m, pose.y_m, session_.height_at({pose.x_m, pose.y_m}));
-  expectation_ = Expectation{T_map_imu * T_odom_imu().inverse(), pose.sigma_m, pose.sigma_rad,
-                             recent_.back().way_m, config_.localisation.max_failures};
+  expectation_ = PlaceExpectation{
+      T_map_imu * T_odom_imu().inverse(), pose.sigma_m, pose.sigma_rad, recent_.back().way_m, true,
+      config_.localisation.max_failures};
 }
 
 void Localiser::Implementation::remember(const Keyframe& scan) {
@@ -213,7 +170,7 @@ std::vector<PlacedCloud> Localiser::Implementation::source() const {
 }
 
 /// The odometry's drift since the last registration makes an estimate less sure.
-Matrix6d Localiser::Implementation::predicted_covariance(const Estimate& estimate) const {
+Matrix6d Localiser::Implementation::predicted_covariance(const PlaceEstimate& estimate) const {
   const double way_m = recent_.back().way_m - estimate.way_m;
   const double turn = config_.loop.drift_rotation_deg_per_m * kDegree * way_m;
   // What the heading is off by leads aside on the way.
@@ -243,7 +200,7 @@ LoopCandidate Localiser::Implementation::register_at(const Eigen::Isometry3d& T_
 
 /// Registers the newest scans where `estimate` puts them and corrects it: in each direction as far as the
 /// registration knows it. The verdict is kAccepted when it did. Looks no farther than for `max_sigma_m`.
-LoopCandidate Localiser::Implementation::correct(Estimate* estimate, double max_sigma_m) {
+LoopCandidate Localiser::Implementation::correct(PlaceEstimate* estimate, double max_sigma_m) {
   const Eigen::Isometry3d T_predicted = estimate->T_map_odom * T_odom_imu();
   const Matrix6d P = predicted_covariance(*estimate);
   LoopCandidate candidate =
@@ -293,8 +250,12 @@ LoopCandidate Localiser::Implementation::track() {
                     "the place in the session is lost: the last registrations failed with " +
                         std::string(to_text(candidate.verdict)));
   const Matrix6d P = predicted_covariance(*estimate_);
-  expectation_ = Expectation{estimate_->T_map_odom, largest_sigma(P.bottomRightCorner<3, 3>()),
-                             largest_sigma(P.topLeftCorner<3, 3>()), recent_.back().way_m, 0};
+  expectation_ = PlaceExpectation{estimate_->T_map_odom,
+                                  largest_sigma(P.bottomRightCorner<3, 3>()),
+                                  largest_sigma(P.topLeftCorner<3, 3>()),
+                                  recent_.back().way_m,
+                                  false,
+                                  0};
   return candidate;
 }
 
@@ -302,16 +263,16 @@ LoopCandidate Localiser::Implementation::track() {
 LoopCandidate Localiser::Implementation::search(Stamp stamp) {
   LoopCandidate newest;
   newest.verdict = LoopVerdict::kLowOverlap;
-  for (Hypothesis& hypothesis : hypotheses_) check(&hypothesis, stamp, &newest);
+  for (PlaceHypothesis& hypothesis : hypotheses_) check(&hypothesis, stamp, &newest);
   hypotheses_.erase(
       std::remove_if(hypotheses_.begin(), hypotheses_.end(),
-                     [](const Hypothesis& each) { return each.failures >= kHypothesisFailures; }),
+                     [](const PlaceHypothesis& each) { return each.failures >= kHypothesisFailures; }),
       hypotheses_.end());
   look_where_expected(stamp, &newest);
-  const bool is_expected = expectation_ && expectation_->tries > 0;
-  if (is_expected) --expectation_->tries;
-  if (!is_expected) look_where_alike(stamp, &newest);
-  join_equal_hypotheses();
+  const bool is_given = expectation_ && expectation_->is_given;
+  if (is_given && hypotheses_.empty() && --expectation_->tries == 0) expectation_.reset();
+  if (!is_given) look_where_alike(stamp, &newest);
+  join_equal(T_odom_imu(), &hypotheses_);
   if (state_ != LocalisationState::kLost)
     state_ = hypotheses_.empty() ? LocalisationState::kSearching : LocalisationState::kConfirming;
   decide(stamp);
@@ -319,7 +280,7 @@ LoopCandidate Localiser::Implementation::search(Stamp stamp) {
 }
 
 /// Registers the scan where a hypothesis puts it. What moved (or waited) long enough confirms it once more.
-void Localiser::Implementation::check(Hypothesis* hypothesis, Stamp stamp, LoopCandidate* newest) {
+void Localiser::Implementation::check(PlaceHypothesis* hypothesis, Stamp stamp, LoopCandidate* newest) {
   const LoopCandidate candidate = correct(&hypothesis->estimate, kModeSigmaM);
   if (candidate.wall_share >= newest->wall_share) *newest = candidate;
   ++hypothesis->registrations;
@@ -328,7 +289,7 @@ void Localiser::Implementation::check(Hypothesis* hypothesis, Stamp stamp, LoopC
     return;
   }
   hypothesis->failures = 0;
-  hypothesis->score += candidate.wall_share;
+  hypothesis->score += fit_of(candidate);
   const double share = 1.0 / config_.localisation.confirmations;
   const bool is_new =
       recent_.back().way_m - hypothesis->confirmed_at_m >= share * config_.localisation.confirm_distance_m ||
@@ -341,36 +302,43 @@ void Localiser::Implementation::check(Hypothesis* hypothesis, Stamp stamp, LoopC
 
 /// Whether a hypothesis is there already.
 bool Localiser::Implementation::is_looked_at(const Eigen::Isometry3d& T_map_imu, double radius_m) const {
-  return std::any_of(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& each) {
+  return std::any_of(hypotheses_.begin(), hypotheses_.end(), [&](const PlaceHypothesis& each) {
     const Vector6d apart = difference(each.estimate.T_map_odom * T_odom_imu(), T_map_imu);
     return apart.tail<3>().norm() < radius_m && apart.head<3>().norm() < kSameLookRad;
   });
 }
 
-/// Adds a hypothesis for each place about `T_map_imu` that the scan fits.
-void Localiser::Implementation::look_at(const Eigen::Isometry3d& T_map_imu, double sigma_m, double sigma_rad,
-                                        double known_sigma_m, Stamp stamp, LoopCandidate* newest) {
+/// A hypothesis for each place about `T_map_imu` that the scan fits.
+std::vector<PlaceHypothesis> Localiser::Implementation::look_at(const Eigen::Isometry3d& T_map_imu,
+                                                                double sigma_m, double sigma_rad,
+                                                                double known_sigma_m, Stamp stamp,
+                                                                LoopCandidate* newest) {
+  std::vector<PlaceHypothesis> hypotheses;
   const LoopCandidate found = register_at(T_map_imu, sigma_m, sigma_rad);
   if (found.wall_share >= newest->wall_share) *newest = found;
-  if (found.verdict != LoopVerdict::kPending) return;
+  if (found.verdict != LoopVerdict::kPending) return hypotheses;
   std::vector<Eigen::Vector3d> shifts = found.alternatives;
   shifts.insert(shifts.begin(), Eigen::Vector3d::Zero());
   for (const Eigen::Vector3d& shift : shifts) {
     Eigen::Isometry3d T_map_mode = found.measured.T_from_to;
     T_map_mode.translation() += shift;
-    Hypothesis hypothesis;
+    PlaceHypothesis hypothesis;
     hypothesis.estimate.T_map_odom = T_map_mode * T_odom_imu().inverse();
     // As wide as the search: what this registration does not determine is not known.
-    hypothesis.estimate.covariance = isotropic(sigma_rad, sigma_m);
+    hypothesis.estimate.covariance = isotropic(kLevelSigmaRad, sigma_m);
+    const Eigen::Vector3d up_imu = T_map_mode.linear().row(2);
+    hypothesis.estimate.covariance.topLeftCorner<3, 3>() +=
+        sigma_rad * sigma_rad * up_imu * up_imu.transpose();
     hypothesis.estimate.way_m = hypothesis.found_at_m = hypothesis.confirmed_at_m = recent_.back().way_m;
     hypothesis.found_at = hypothesis.confirmed_at = stamp;
     const LoopCandidate candidate = correct(&hypothesis.estimate, kModeSigmaM);
     if (candidate.verdict != LoopVerdict::kAccepted) continue;
     hypothesis.registrations = 1;
-    hypothesis.score = candidate.wall_share;
+    hypothesis.score = fit_of(candidate);
     hypothesis.known_sigma_m = known_sigma_m;
-    hypotheses_.push_back(hypothesis);
+    hypotheses.push_back(hypothesis);
   }
+  return hypotheses;
 }
 
 void Localiser::Implementation::look_where_expected(Stamp stamp, LoopCandidate* newest) {
@@ -382,9 +350,12 @@ void Localiser::Implementation::look_where_expected(Stamp stamp, LoopCandidate* 
   for (int turn = -turns; turn <= turns; ++turn) {
     Eigen::Isometry3d T = T_map_imu;
     T.linear() = Eigen::AngleAxisd(turn * kHeadingStepRad, Eigen::Vector3d::UnitZ()) * T_map_imu.linear();
-    if (!is_looked_at(T, 2.0 * sigma_m))
-      look_at(T, sigma_m, 0.5 * kHeadingStepRad, std::max(kKnownSigmaM, kGivenSigmas * sigma_m), stamp,
-              newest);
+    if (is_looked_at(T, 2.0 * sigma_m)) continue;
+    for (PlaceHypothesis& each :
+         look_at(T, sigma_m, 0.5 * kHeadingStepRad, needed_sigma_m(sigma_m), stamp, newest)) {
+      each.is_given = expectation_->is_given;
+      hypotheses_.push_back(each);
+    }
   }
 }
 
@@ -397,51 +368,18 @@ void Localiser::Implementation::look_where_alike(Stamp stamp, LoopCandidate* new
     T_from_to.linear() = session_.turned(alike.index, alike.match.yaw_rad, T_odom_imu().linear());
     const Eigen::Isometry3d T_map_imu = session_.T_map_imu(alike.index) * T_from_to;
     if (is_looked_at(T_map_imu, 2.0 * kDescriptorSigmaM)) continue;
-    look_at(T_map_imu, kDescriptorSigmaM, kDescriptorSigmaRad, kKnownSigmaM, stamp, newest);
+    for (const PlaceHypothesis& each :
+         look_at(T_map_imu, kDescriptorSigmaM, kDescriptorSigmaRad, needed_sigma_m(0.0), stamp, newest))
+      hypotheses_.push_back(each);
   }
-}
-
-bool Localiser::Implementation::is_same_place(const Estimate& a, const Estimate& b) const {
-  const Vector6d apart = difference(a.T_map_odom * T_odom_imu(), b.T_map_odom * T_odom_imu());
-  return apart.tail<3>().norm() < kSamePlaceM && apart.head<3>().norm() < kSamePlaceRad;
-}
-
-/// Of hypotheses that have become the same, the one with the most confirmations is kept.
-void Localiser::Implementation::join_equal_hypotheses() {
-  std::stable_sort(hypotheses_.begin(), hypotheses_.end(), [](const Hypothesis& a, const Hypothesis& b) {
-    return a.confirmations > b.confirmations;
-  });
-  std::vector<Hypothesis> kept;
-  for (const Hypothesis& each : hypotheses_) {
-    const bool is_known = std::any_of(kept.begin(), kept.end(), [&](const Hypothesis& other) {
-      return is_same_place(other.estimate, each.estimate);
-    });
-    if (!is_known) kept.push_back(each);
-  }
-  hypotheses_ = kept;
-}
-
-/// Enough registrations agree over enough way or time, and every direction is known.
-bool Localiser::Implementation::is_believable(const Hypothesis& hypothesis, Stamp stamp) const {
-  if (hypothesis.confirmations < config_.localisation.confirmations || hypothesis.failures > 0) return false;
-  const bool is_long =
-      recent_.back().way_m - hypothesis.found_at_m >= config_.localisation.confirm_distance_m ||
-      seconds_between(hypothesis.found_at, stamp) >= config_.localisation.confirm_time_s;
-  const Matrix6d& covariance = hypothesis.estimate.covariance;
-  return is_long && largest_sigma(covariance.bottomRightCorner<3, 3>()) < hypothesis.known_sigma_m &&
-         largest_sigma(covariance.topLeftCorner<3, 3>()) < kKnownSigmaRad;
 }
 
 /// Believes the best hypothesis when no other place fits nearly as well.
 void Localiser::Implementation::decide(Stamp stamp) {
-  const auto best = std::max_element(
-      hypotheses_.begin(), hypotheses_.end(),
-      [](const Hypothesis& a, const Hypothesis& b) { return a.mean_score() < b.mean_score(); });
-  if (best == hypotheses_.end() || !is_believable(*best, stamp)) return;
-  const bool is_unique = std::none_of(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& other) {
-    return &other != &*best && other.mean_score() > config_.loop.ambiguity * best->mean_score();
-  });
-  if (!is_unique) return;
+  const PlaceHypothesis* best =
+      believed(hypotheses_, expectation_, {stamp, T_odom_imu(), recent_.back().way_m}, config_.localisation,
+               config_.loop.ambiguity);
+  if (best == nullptr) return;
   estimate_ = best->estimate;
   hypotheses_.clear();
   expectation_.reset();

@@ -133,16 +133,17 @@ TEST_F(Localisation, IsNeverFoundInAnotherTown) {
   }
 }
 
-/// A hall of pillars that are all alike. `first` points elsewhere make the points on its surfaces other ones.
-SyntheticWorld make_hall(double first_m2) {
+/// A hall of pillars that are all alike, `scale` times as large as a narrow one. `first_m2` of points elsewhere
+/// make the points on its surfaces other ones.
+SyntheticWorld make_hall(double first_m2, double scale = 1.0) {
   SyntheticWorld hall;
   hall.add({1000.0, 0.0, 0.0}, {first_m2, 0.0, 0.0}, {0.0, 1.0, 0.0}, 10.0);
-  hall.add({-100.0, -3.0, -1.7}, {200.0, 0.0, 0.0}, {0.0, 6.0, 0.0}, 10.0);
-  hall.add({-100.0, -3.0, -1.7}, {200.0, 0.0, 0.0}, {0.0, 0.0, 4.0}, 50.0);
-  hall.add({-100.0, 3.0, -1.7}, {200.0, 0.0, 0.0}, {0.0, 0.0, 4.0}, 50.0);
-  for (double x = -98.4; x < 99.0; x += 3.2) {
-    hall.add_box(x, -3.0, 1.0, 0.8, 4.0, 50.0);
-    hall.add_box(x, 2.2, 1.0, 0.8, 4.0, 50.0);
+  hall.add({-100.0, -3.0 * scale, -1.7}, {200.0, 0.0, 0.0}, {0.0, 6.0 * scale, 0.0}, 10.0);
+  hall.add({-100.0, -3.0 * scale, -1.7}, {200.0, 0.0, 0.0}, {0.0, 0.0, 4.0}, 50.0);
+  hall.add({-100.0, 3.0 * scale, -1.7}, {200.0, 0.0, 0.0}, {0.0, 0.0, 4.0}, 50.0);
+  for (double x = -98.4; x < 99.0; x += 3.2 * scale) {
+    hall.add_box(x, -3.0 * scale, scale, 0.8 * scale, 4.0, 50.0);
+    hall.add_box(x, 2.2 * scale, scale, 0.8 * scale, 4.0, 50.0);
   }
   return hall;
 }
@@ -162,6 +163,29 @@ TEST_F(Localisation, IsNotBelievedAtAWrongPlaceOfAHallThatRepeatsItself) {
       if (!localiser.T_map_odom()) continue;
       EXPECT_LT(error(localiser, scan, T).tail<3>().norm(), 0.3) << begin + k;
     }
+  }
+}
+
+/// Only the user knows which of the equal pillars it is.
+TEST_F(Localisation, TheInitialPoseDecidesBetweenPlacesThatAreAlike) {
+  const SavedSession saved(make_hall(1.0, 1.25), straight(planar_pose(-30.0, 0.0, 0.0), 60));
+  const SyntheticWorld hall = make_hall(2.0, 1.25);
+  for (const double begin : {-20.0, -12.4, 3.3}) {
+    Localiser localiser(Config(), saved.load(), &reporter_);
+    InitialPose pose;
+    pose.x_m = begin + 0.4;
+    pose.y_m = -0.3;
+    pose.yaw_rad = 0.05;
+    pose.sigma_m = 1.5;
+    localiser.set_initial_pose(pose);
+    Visit visit(hall, planar_pose(5.0, 5.0, 1.0));
+    Keyframe scan;
+    for (int k = 0; k < 15; ++k) {
+      scan = visit.at(planar_pose(begin + k, 0.0, 0.0));
+      localiser.add(scan);
+    }
+    ASSERT_EQ(localiser.state(), LocalisationState::kTracking) << begin;
+    EXPECT_LT(error(localiser, scan, planar_pose(begin + 14, 0.0, 0.0)).tail<3>().norm(), 0.3) << begin;
   }
 }
 

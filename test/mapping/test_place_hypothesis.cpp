@@ -1,0 +1,119 @@
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "fdi_lio/mapping/place_hypothesis.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
+
+namespace fdi_lio::mapping {
+namespace {
+
+constexpr double kAmbiguity = 0.85;
+
+/// At x in the map, confirmed as often as needed, fitting with `fit`.
+PlaceHypothesis at(double x_m, double fit) {
+  PlaceHypothesis hypothesis;
+  hypothesis.estimate.T_map_odom.translation().x() = x_m;
+  hypothesis.estimate.covariance = isotropic(0.01, 0.1);
+  hypothesis.confirmations = LocalisationConfig().confirmations;
+  hypothesis.registrations = 4;
+  hypothesis.score = 4.0 * fit;
+  hypothesis.known_sigma_m = needed_sigma_m(0.0);
+  return hypothesis;
+}
+
+/// Far enough from where the hypotheses were found.
+OdometryNow later() {
+  OdometryNow now;
+  now.way_m = LocalisationConfig().confirm_distance_m;
+  return now;
+}
+
+const PlaceHypothesis* choose(const std::vector<PlaceHypothesis>& hypotheses,
+                              const std::optional<PlaceExpectation>& expectation = std::nullopt) {
+  return believed(hypotheses, expectation, later(), LocalisationConfig(), kAmbiguity);
+}
+
+TEST(PlaceHypothesis, FitKnowsWallsAndBrightness) {
+  LoopCandidate candidate;
+  candidate.wall_share = 0.8;
+  candidate.intensity_correlation = 1.0;  // also where there is no contrast
+  EXPECT_DOUBLE_EQ(fit_of(candidate), 0.8);
+  candidate.intensity_correlation = 0.0;
+  EXPECT_DOUBLE_EQ(fit_of(candidate), 0.4);
+}
+
+TEST(PlaceHypothesis, TheBestIsBelievedWhenNoOtherFitsNearlyAsWell) {
+  EXPECT_EQ(choose({}), nullptr);
+  const std::vector<PlaceHypothesis> clear = {at(0.0, 0.6), at(5.0, 0.8)};
+  EXPECT_EQ(choose(clear), &clear[1]);
+  EXPECT_EQ(choose({at(0.0, 0.7), at(5.0, 0.8)}), nullptr);
+}
+
+TEST(PlaceHypothesis, EachConditionIsNeeded) {
+  PlaceHypothesis good = at(0.0, 0.8);
+  EXPECT_NE(choose({good}), nullptr);
+  PlaceHypothesis few = good;
+  few.confirmations -= 1;
+  EXPECT_EQ(choose({few}), nullptr);
+  PlaceHypothesis failed = good;
+  failed.failures = 1;
+  EXPECT_EQ(choose({failed}), nullptr);
+  PlaceHypothesis fresh = good;
+  fresh.found_at_m = later().way_m - 0.5;
+  EXPECT_EQ(choose({fresh}), nullptr);
+  PlaceHypothesis long_ago = fresh;
+  long_ago.found_at = -static_cast<Stamp>(1e9 * (LocalisationConfig().confirm_time_s + 0.1));
+  EXPECT_NE(choose({long_ago}), nullptr);
+  PlaceHypothesis somewhere = good;
+  somewhere.estimate.covariance(3, 3) = 0.6 * 0.6;
+  EXPECT_EQ(choose({somewhere}), nullptr);
+  PlaceHypothesis turned = good;
+  turned.estimate.covariance(2, 2) = 0.05 * 0.05;
+  EXPECT_EQ(choose({turned}), nullptr);
+}
+
+/// Between near walls a registration says nothing of the roll.
+TEST(PlaceHypothesis, RollNeedNotBeKnown) {
+  PlaceHypothesis rolling = at(0.0, 0.8);
+  rolling.estimate.covariance(0, 0) = 0.2 * 0.2;
+  EXPECT_NE(choose({rolling}), nullptr);
+}
+
+TEST(PlaceHypothesis, TheUsersWordDecidesBetweenEqualsButNotAgainstABetterFit) {
+  PlaceExpectation said;
+  said.T_map_odom.translation().x() = 0.3;
+  said.sigma_m = 0.5;
+  said.is_given = true;
+  std::vector<PlaceHypothesis> doors = {at(0.0, 0.8), at(3.3, 0.8)};
+  EXPECT_EQ(choose(doors, said), nullptr);  // they were found by looks, not by the word
+  for (PlaceHypothesis& each : doors) each.is_given = true;
+  EXPECT_EQ(choose(doors, said), &doors[0]);
+  // As the odometry goes on, so does what was said.
+  OdometryNow now = later();
+  now.T_odom_imu.translation() = Eigen::Vector3d(7.0, 1.0, 0.0);
+  EXPECT_EQ(believed(doors, said, now, LocalisationConfig(), kAmbiguity), &doors[0]);
+  // What was said may be off by two standard deviations where another place fits better.
+  std::vector<PlaceHypothesis> near = {at(0.3, 0.6), at(1.3, 0.9)};
+  for (PlaceHypothesis& each : near) each.is_given = true;
+  EXPECT_EQ(choose(near, said), &near[1]);
+}
+
+TEST(PlaceHypothesis, EqualPlacesAreJoined) {
+  PlaceHypothesis newer = at(0.2, 0.9);
+  newer.confirmations = 0;
+  std::vector<PlaceHypothesis> hypotheses = {newer, at(0.0, 0.7), at(0.1, 0.8), at(0.9, 0.5)};
+  join_equal(Eigen::Isometry3d::Identity(), &hypotheses);
+  ASSERT_EQ(hypotheses.size(), 2U);
+  EXPECT_DOUBLE_EQ(hypotheses[0].mean_score(), 0.8);
+  EXPECT_DOUBLE_EQ(hypotheses[1].mean_score(), 0.5);
+}
+
+TEST(PlaceHypothesis, LargestSigmaIsThatOfTheLongestAxis) {
+  const Eigen::Matrix3d R = so3::exp(Eigen::Vector3d(0.3, -0.8, 1.1));
+  const Eigen::Matrix3d covariance = R * Eigen::Vector3d(4.0, 0.25, 1.0).asDiagonal() * R.transpose();
+  EXPECT_NEAR(largest_sigma(covariance), 2.0, 1e-12);
+}
+
+}  // namespace
+}  // namespace fdi_lio::mapping
