@@ -9,8 +9,10 @@
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/mapping/adaptation.hpp"
 #include "fdi_lio/mapping/beam_correction.hpp"
+#include "fdi_lio/mapping/health_monitor.hpp"
 #include "fdi_lio/mapping/local_map.hpp"
 #include "fdi_lio/mapping/localizability.hpp"
+#include "fdi_lio/mapping/map_candidate.hpp"
 #include "fdi_lio/mapping/map_drift.hpp"
 #include "fdi_lio/mapping/match_input.hpp"
 #include "fdi_lio/mapping/mounting.hpp"
@@ -21,12 +23,10 @@ namespace fdi_lio::mapping {
 
 namespace {
 
-/// The first scans, before a velocity is known, look farther and iterate longer.
+/// The first scans in a map, before a velocity is known well, look farther and iterate longer.
 constexpr int kStartScans = 5;
 constexpr int kStartIterations = 20;
 constexpr double kStartMaxResidual = 1.0;
-/// A pose needs this many matches to be trusted at all.
-constexpr std::size_t kMinMatches = 30;
 constexpr double kMaxStaticSpeed = 0.1;
 constexpr double kRestAccelerationSigma = 0.01;  ///< of the mean over the static duration [m/s^2]
 
@@ -42,6 +42,8 @@ class Estimator::Implementation {
         smoother_(config.mapping.window_size, config.sensor.gravity_mps2),
         map_(config.mapping),
         drift_(config.mapping.drift_share),
+        health_(reporter),
+        candidate_(config),
         beams_(config) {}
 
   std::optional<EstimateResult> add(const FeatureSet& measured, const degeneracy::Degeneracy& degeneracy,
@@ -61,6 +63,7 @@ class Estimator::Implementation {
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   LidarInformation optimise(MatchInput input, EstimateResult* result);
+  void begin_map_anew(const EstimateResult& result, const Matrix15d& covariance);
   void add_directions(const MatchInput& input, const imu::NavState& at, const MatchSettings& settings,
                       LidarInformation* information, EstimateResult* result) const;
   void try_static_start(const imu::Preintegration& imu);
@@ -75,9 +78,13 @@ class Estimator::Implementation {
   Smoother smoother_;
   LocalMap map_;
   MapDrift drift_;
+  HealthMonitor health_;
+  MapCandidate candidate_;
   BeamCorrection beams_;
   AdaptedSettings adapted_;
   int scan_count_ = 0;
+  int map_scans_ = 0;  ///< since the local map was begun
+  bool has_restarted_ = false;
   std::optional<imu::NavState> resumed_;
   imu::NavState before_;  ///< estimate of the scan before
   imu::NavState alignment_start_;
@@ -165,8 +172,8 @@ void Estimator::Implementation::add_directions(const MatchInput& input, const im
 }
 
 LidarInformation Estimator::Implementation::optimise(MatchInput input, EstimateResult* result) {
-  const bool is_start =
-      scan_count_ <= kStartScans && smoother_.newest().imu_status != imu::ImuStatus::kInitialised;
+  const bool is_known = smoother_.newest().imu_status == imu::ImuStatus::kInitialised && !has_restarted_;
+  const bool is_start = map_scans_ <= kStartScans && !is_known;
   const int iterations = is_start ? kStartIterations : adapted_.iterations;
   MatchSettings settings;
   settings.plane_weight = adapted_.plane_weight;
@@ -174,11 +181,14 @@ LidarInformation Estimator::Implementation::optimise(MatchInput input, EstimateR
   settings.intensity_weight = config_.mapping.intensity_weight;
   LidarInformation information;
   const imu::NavState predicted = smoother_.newest();
-  if (config_.mapping.judge_patches && predicted.imu_status == imu::ImuStatus::kInitialised) {
-    const Matrix6d covariance = smoother_.covariance().topLeftCorner<6, 6>();
-    input.plane_trust =
-        matcher_.trust_planes(input, map_.planes(), predicted.q_odom_imu, predicted.t_odom_imu, covariance);
+  const bool has_prediction = predicted.imu_status == imu::ImuStatus::kInitialised;
+  const Matrix6d predicted_covariance =
+      has_prediction ? Matrix6d(smoother_.covariance().topLeftCorner<6, 6>()) : Matrix6d::Identity();
+  if (config_.mapping.judge_patches && has_prediction) {
+    input.plane_trust = matcher_.trust_planes(input, map_.planes(), predicted.q_odom_imu,
+                                              predicted.t_odom_imu, predicted_covariance);
   }
+  const std::size_t features = input.planes.size() + input.edges.size();
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const imu::NavState current = smoother_.newest();
     const double progress = static_cast<double>(iteration) / iterations;
@@ -190,16 +200,16 @@ LidarInformation Estimator::Implementation::optimise(MatchInput input, EstimateR
                                      current.t_odom_imu, settings);
     add_directions(input, current, settings, &information, result);
     result->status.iterations = static_cast<std::uint32_t>(iteration + 1);
-    if (information.planes + information.edges < kMinMatches) {
+    if (!HealthMonitor::is_matched(information.planes + information.edges, features)) {
       result->is_healthy = false;
-      return information;
+      break;
     }
     smoother_.set_lidar(information);
     if (!smoother_.solve()) {
       reporter_->report(Severity::kError, "solver",
                         "the optimisation of a scan failed: its pose is a prediction");
       result->is_healthy = false;
-      return information;
+      break;
     }
     const imu::NavState& moved = smoother_.newest();
     const double turn =
@@ -208,7 +218,41 @@ LidarInformation Estimator::Implementation::optimise(MatchInput input, EstimateR
     if (turn < config_.mapping.convergence_rotation_rad && step_m < config_.mapping.convergence_translation_m)
       break;
   }
+  const imu::NavState& corrected = smoother_.newest();
+  Vector6d innovation;
+  innovation << so3::log(Eigen::Quaterniond(predicted.q_odom_imu.conjugate() * corrected.q_odom_imu)),
+      corrected.t_odom_imu - predicted.t_odom_imu;
+  const double innovation_sq =
+      has_prediction ? innovation.dot(predicted_covariance.ldlt().solve(innovation)) : -1.0;
+  if (result->is_healthy) health_.add(innovation_sq, corrected);
   return information;
+}
+
+/// Where the map knows nothing of the scans, but they know each other, they become the local map, and what
+/// the prediction may be off by becomes an uncertainty that stays.
+void Estimator::Implementation::begin_map_anew(const EstimateResult& result, const Matrix15d& covariance) {
+  const auto largest = [&covariance](int block) {
+    return std::sqrt(covariance.diagonal().segment<3>(3 * block).maxCoeff());
+  };
+  Smoother::InitialSigma sigma;
+  sigma.velocity = std::clamp(largest(2), 0.05, 10.0);
+  sigma.gyro_bias = std::clamp(largest(3), 1e-4, 0.02);
+  sigma.accel_bias = std::clamp(largest(4), 1e-3, 0.3);
+  sigma.gravity = 0.02;
+  reporter_->report(Severity::kError, "map_restart",
+                    "the scans match hardly anything in the local map (" +
+                        std::to_string(result.status.matched) +
+                        " matches): a new one is begun at the predicted pose, with " +
+                        std::to_string(result.state.v_odom.norm()) +
+                        " m/s, whose error remains. After a long gap without scans this is as it should be; "
+                        "otherwise check sensor.T_imu_lidar and the clocks");
+  smoother_.start(result.state, sigma);
+  drift_.begin_anew(result.map_covariance);
+  map_ = candidate_.take();
+  alignment_.clear();
+  health_.restart();
+  map_scans_ = 0;
+  has_restarted_ = true;
 }
 
 void Estimator::Implementation::adopt_imu(imu::NavState state, const Smoother::InitialSigma& sigma) {
@@ -340,8 +384,18 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
   }
   const bool is_settled = result.is_healthy && result.state.imu_status == imu::ImuStatus::kInitialised;
   if (config_.mapping.calibrate_beams && is_settled) beams_.learn(features, result.state, map_.planes());
+  bool is_restart = false;
+  if (result.is_healthy) {
+    candidate_.reset();
+  } else {
+    const MatchInput input =
+        make_match_input(features, config_.mapping, T_imu_lidar_, adapted_.feature_voxel_m);
+    is_restart = candidate_.add(features, input, result.state);
+    if (is_restart) begin_map_anew(result, covariance);
+  }
   if (result.is_healthy || map_.empty()) map_.insert(features, result.state.T_odom_imu(), T_imu_lidar_);
-  result.is_keyframe = decide_keyframe();
+  result.is_keyframe = decide_keyframe() || is_restart;
+  ++map_scans_;
   ++scan_count_;
   return result;
 }

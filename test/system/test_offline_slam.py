@@ -15,6 +15,8 @@ import unittest
 import numpy as np
 import rosbag
 
+import broken_bags
+
 BIN = pathlib.Path()
 SOURCE = pathlib.Path()
 DURATION_S = 20
@@ -78,6 +80,23 @@ class OfflineSlam(unittest.TestCase):
             for name in ("trajectory.tum", "odometry.tum", "map.pcd", "degeneracy.csv"):
                 self.assertTrue(filecmp.cmp(self.path / "one" / name, self.path / other / name, shallow=False),
                                 f"{name} of '{other}'")
+
+    def test_after_a_gap_that_leads_out_of_the_map_a_new_one_is_begun(self):
+        tunnel, gap = self.path / "tunnel.bag", self.path / "gap.bag"
+        subprocess.run(
+            [BIN / "simulate_bag", "--scenario", SOURCE / "config/scenarios/tunnel_hard.yaml", "--seed", "7", "--output",
+             tunnel, "--duration", "30"], check=True, capture_output=True)
+        broken_bags.rewrite(tunnel, gap, broken_bags.for_topic(
+            "/points_raw", lambda i, *rest: [] if 130 <= i < 220 else [rest]))
+        done = subprocess.run(
+            [BIN / "offline_slam", "--config", self.path / "tunnel.config.yaml", "--bag", gap, "--output",
+             self.path / "gap"], capture_output=True, text=True, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("a new one is begun at the predicted pose", done.stderr)
+        estimate, truth = read_tum(self.path / "gap/odometry.tum"), read_tum(self.path / "tunnel.tum")
+        after = estimate[estimate[:, 0] > truth[0, 0] + 24.0]
+        self.assertGreater(len(after), 50)
+        self.assertLess(ate_rmse(after, truth), 0.5)
 
     def test_lidar_alone_works_with_a_warning(self):
         done = self.run_slam("lidar", "--set", "sensor.imu_topic=/none")

@@ -21,6 +21,9 @@ class MapDrift {
   void advance(const imu::NavState& before, const imu::NavState& now, const Matrix6d& covariance,
                double radius_m);
 
+  /// The local map is begun anew at a pose with this covariance against the map of before.
+  void begin_anew(const Matrix6d& covariance) { covariance_ += covariance; }
+
   /// Of T_odom_imu at the newest pose, order [dtheta (body), dt (odom)]; add it to that against the local
   /// map.
   const Matrix6d& covariance() const { return covariance_; }

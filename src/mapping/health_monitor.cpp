@@ -1,0 +1,64 @@
+#include "fdi_lio/mapping/health_monitor.hpp"
+
+#include <algorithm>
+#include <string>
+
+namespace fdi_lio::mapping {
+
+namespace {
+
+constexpr std::size_t kMinMatches = 30;
+constexpr double kMinMatchShare = 0.1;
+/// The innovation is averaged over about so many scans, each counting for so much at most: a single one may
+/// follow a gap.
+constexpr double kAveragedScans = 20.0;
+constexpr double kMostInnovationSq = 20.0;
+constexpr double kContradictionSq = 3.0;
+/// After a beginning biases and velocity find their values first.
+constexpr int kSettlingScans = 30;
+/// Beyond what consumer IMUs have.
+constexpr double kMaxAccelBias = 1.0;  ///< [m/s^2]
+constexpr double kMaxGyroBias = 0.1;   ///< [rad/s]
+
+}  // namespace
+
+bool HealthMonitor::is_matched(std::size_t matched, std::size_t features) {
+  return matched >= kMinMatches &&
+         static_cast<double>(matched) >= kMinMatchShare * static_cast<double>(features);
+}
+
+void HealthMonitor::add(double innovation_sq, const imu::NavState& state) {
+  if (state.imu_status != imu::ImuStatus::kInitialised) return;
+  if (innovation_sq >= 0.0) check_innovation(innovation_sq);
+  check_biases(state);
+}
+
+void HealthMonitor::restart() {
+  innovations_ = 0;
+  mean_innovation_sq_ = 0.0;
+}
+
+void HealthMonitor::check_innovation(double innovation_sq) {
+  ++innovations_;
+  if (innovations_ <= kSettlingScans) return;
+  mean_innovation_sq_ += (std::min(innovation_sq, kMostInnovationSq) - mean_innovation_sq_) / kAveragedScans;
+  if (mean_innovation_sq_ < kContradictionSq) return;
+  reporter_->report(Severity::kWarning, "imu_contradiction",
+                    "scans and IMU contradict each other (mean squared innovation " +
+                        std::to_string(mean_innovation_sq_) +
+                        ", usual below 1): check the rotation of sensor.T_imu_lidar, the clocks "
+                        "(sensor.lidar_time_offset) and the units of the IMU");
+}
+
+void HealthMonitor::check_biases(const imu::NavState& state) {
+  const double accel = state.accel_bias.norm();
+  const double gyro = state.gyro_bias.norm();
+  if (accel <= kMaxAccelBias && gyro <= kMaxGyroBias) return;
+  reporter_->report(Severity::kWarning, "imu_bias",
+                    "the estimated biases of the IMU are implausible (accelerometer " +
+                        std::to_string(accel) + " m/s^2, gyro " + std::to_string(gyro) +
+                        " rad/s): the estimate may be lost; check sensor.T_imu_lidar, the units and "
+                        "sensor.gravity");
+}
+
+}  // namespace fdi_lio::mapping
