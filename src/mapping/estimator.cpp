@@ -224,7 +224,11 @@ LidarInformation Estimator::Implementation::optimise(MatchInput input, EstimateR
       corrected.t_odom_imu - predicted.t_odom_imu;
   const double innovation_sq =
       has_prediction ? innovation.dot(predicted_covariance.ldlt().solve(innovation)) : -1.0;
-  if (result->is_healthy) health_.add(innovation_sq, corrected);
+  if (result->is_healthy) {
+    health_.add(innovation_sq, corrected);
+  } else {
+    health_.add_unmatched();
+  }
   return information;
 }
 

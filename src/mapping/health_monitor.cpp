@@ -9,6 +9,7 @@ namespace {
 
 constexpr std::size_t kMinMatches = 30;
 constexpr double kMinMatchShare = 0.1;
+constexpr int kLostScans = 50;
 /// The innovation is averaged over about so many scans, each counting for so much at most: a single one may
 /// follow a gap.
 constexpr double kAveragedScans = 20.0;
@@ -27,13 +28,24 @@ bool HealthMonitor::is_matched(std::size_t matched, std::size_t features) {
          static_cast<double>(matched) >= kMinMatchShare * static_cast<double>(features);
 }
 
+void HealthMonitor::add_unmatched() {
+  if (++unmatched_ != kLostScans) return;
+  reporter_->report(
+      Severity::kError, "lost",
+      "lost: for " + std::to_string(kLostScans) +
+          " scans nothing matched, and the pose is dead reckoning; begin at rest or slowly, check "
+          "sensor.T_imu_lidar and the clocks, or call the service reset");
+}
+
 void HealthMonitor::add(double innovation_sq, const imu::NavState& state) {
+  unmatched_ = 0;
   if (state.imu_status != imu::ImuStatus::kInitialised) return;
   if (innovation_sq >= 0.0) check_innovation(innovation_sq);
   check_biases(state);
 }
 
 void HealthMonitor::restart() {
+  unmatched_ = 0;
   innovations_ = 0;
   mean_innovation_sq_ = 0.0;
 }

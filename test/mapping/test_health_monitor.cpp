@@ -52,6 +52,22 @@ TEST(HealthMonitor, ABeginningMaySettle) {
   EXPECT_FALSE(reporter.has("imu_contradiction"));
 }
 
+TEST(HealthMonitor, ManyUnmatchedScansInARowAreReportedAsLost) {
+  Reporter reporter;
+  HealthMonitor monitor(&reporter);
+  for (int k = 0; k < 200; ++k) {
+    if (k % 40 == 39) {
+      monitor.add(0.2, running());
+    } else {
+      monitor.add_unmatched();
+    }
+  }
+  EXPECT_FALSE(reporter.has("lost"));
+  for (int k = 0; k < 60; ++k) monitor.add_unmatched();
+  ASSERT_TRUE(reporter.has("lost"));
+  EXPECT_EQ(reporter.notices().at("lost").count, 1U);
+}
+
 TEST(HealthMonitor, BiasesThatNoSensorHasAreReported) {
   Reporter reporter;
   HealthMonitor monitor(&reporter);
