@@ -24,7 +24,7 @@ namespace fdi_lio::mapping {
 namespace {
 
 /// The first scans in a map, before a velocity is known well, look farther and iterate longer.
-constexpr int kStartScans = 5;
+constexpr int kStartScans = 3;
 constexpr int kStartIterations = 20;
 constexpr double kStartMaxResidual = 1.0;
 constexpr double kMaxStaticSpeed = 0.1;
