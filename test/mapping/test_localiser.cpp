@@ -133,8 +133,8 @@ TEST_F(Localisation, IsNeverFoundInAnotherTown) {
   }
 }
 
-/// A hall of pillars that are all alike, `scale` times as large as a narrow one. `first_m2` of points elsewhere
-/// make the points on its surfaces other ones.
+/// A hall of pillars that are all alike, `scale` times as large as a narrow one. `first_m2` of points
+/// elsewhere make the points on its surfaces other ones.
 SyntheticWorld make_hall(double first_m2, double scale = 1.0) {
   SyntheticWorld hall;
   hall.add({1000.0, 0.0, 0.0}, {first_m2, 0.0, 0.0}, {0.0, 1.0, 0.0}, 10.0);
