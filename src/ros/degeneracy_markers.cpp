@@ -16,8 +16,8 @@ constexpr double kWeak = 0.5;
 constexpr double kArrowLength_m = 4.0;
 constexpr double kRingRadius_m = 2.0;
 constexpr double kLineWidth_m = 0.15;
-constexpr double kTextHeight_m = 0.8;
-constexpr double kTextAbove_m = 4.0;
+constexpr double kTextHeight_m = 1.2;
+constexpr double kTextAbove_m = 12.0;  ///< out of the points about the sensor
 constexpr double kLifetime_s = 1.0;
 constexpr int kRingSegments = 36;
 
