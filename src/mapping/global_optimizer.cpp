@@ -7,6 +7,7 @@
 
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/mapping/ghost_remover.hpp"
+#include "fdi_lio/mapping/graph_measurements.hpp"
 #include "fdi_lio/mapping/loop_detector.hpp"
 #include "fdi_lio/mapping/loop_verifier.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
@@ -87,25 +88,15 @@ class GlobalOptimizer::Implementation {
         store_(static_cast<std::size_t>(config.loop.cloud_memory_mb) << 20),
         detector_(config.loop),
         verifier_(config),
-        gnss_(config.gnss),
-        aligner_(config.gnss, config.loop.drift_share),
-        external_(config.external_odometry) {}
+        measurements_(config, reporter) {}
 
   void add(Keyframe keyframe);
-  void add_fix(const GnssFix& fix) { waiting_fixes_.push_back(fix); }
   void add_external(const ExternalPose& pose);
   void solve();
   void clean_clouds(bool is_last);
 
   Eigen::Isometry3d correction(std::size_t k) const { return poses_[k] * frames_[k].T_odom_imu.inverse(); }
   Eigen::Isometry3d correct(Stamp stamp, const Eigen::Isometry3d& T_odom_imu) const;
-
-  struct Frame {
-    Stamp stamp;
-    Eigen::Isometry3d T_odom_imu;
-    double path_m;
-    bool begins_session;
-  };
 
   LoopConfig config_;
   Reporter* reporter_;
@@ -114,20 +105,12 @@ class GlobalOptimizer::Implementation {
   KeyframeStore store_;
   LoopDetector detector_;
   LoopVerifier verifier_;
-  std::vector<Frame> frames_;
+  std::vector<OdometryFrame> frames_;
   std::vector<Eigen::Isometry3d> poses_;  ///< of the graph, as last solved
   std::vector<LoopCandidate> loops_;
   std::vector<std::size_t> pending_;  ///< indices in `loops_`
   double searched_at_m_ = 0.0;
-  GnssConfig gnss_;
-  GnssAligner aligner_;
-  std::deque<GnssFix> waiting_fixes_;
-  std::vector<FixResult> fixes_;
-  bool is_aligned_ = false;
-  ExternalOdometry external_;
-  std::size_t external_next_ = 0;  ///< the keyframe whose step to the next waits for the other odometry
-  std::optional<Eigen::Vector3d> down_odom_, down_map_;
-  int unsolved_ = 0;        ///< fixes and steps since the last optimisation
+  GraphMeasurements measurements_;
   double loop_at_m_ = 0.0;  ///< way at the last keyframe with an accepted loop
 
  private:
@@ -143,12 +126,7 @@ class GlobalOptimizer::Implementation {
   bool agree(const LoopCandidate& a, const LoopCandidate& b) const;
   void accept(const std::vector<std::size_t>& indices);
   void expire_pending();
-  void add_gravity(const Keyframe& keyframe);
-  void use_external();
-  void solve_sometimes();
-  void use_fixes();
-  void use_fix(const GnssFix& fix);
-  TiedFix tie(const GnssFix& fix) const;
+  void use_measurements();
 };
 
 RelativePose GlobalOptimizer::Implementation::odometry_step(const Keyframe& keyframe, double step_m) const {
@@ -197,57 +175,19 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
     frames_.push_back(
         {keyframe.stamp, keyframe.T_odom_imu, frames_.back().path_m + step_m, keyframe.begins_session});
   }
-  add_gravity(keyframe);
+  measurements_.add_gravity(frames_, poses_.back(), keyframe.down_imu, &graph_);
   detector_.add(place, frames_.back().path_m);
   if (config_.enabled && frames_.back().path_m - searched_at_m_ >= config_.spacing_m) search();
-  use_fixes();
-  use_external();
-  solve_sometimes();
+  use_measurements();
 }
 
-/// The odometry knows roll and pitch by the accelerometer: what moves the map must not tilt it (the four
-/// degrees of freedom of VINS-Mono, Qin et al., T-RO 2018, section VIII). Down in odom is what the first
-/// keyframe says that knows it; later ones say it with other errors of the accelerometer, which would bend
-/// the map.
-void GlobalOptimizer::Implementation::add_gravity(const Keyframe& keyframe) {
-  if (keyframe.begins_session) down_odom_.reset();
-  if (!down_odom_ && !keyframe.down_imu.isZero()) {
-    down_odom_ = keyframe.T_odom_imu.linear() * keyframe.down_imu;
-    if (!down_map_) down_map_ = poses_.back().linear() * keyframe.down_imu;
-  }
-  if (config_.gravity_sigma_deg == 0.0 || !down_odom_) return;
-  const Eigen::Vector3d down_imu = keyframe.T_odom_imu.linear().transpose() * *down_odom_;
-  graph_.add_gravity({frames_.size() - 1, down_imu, *down_map_, config_.gravity_sigma_deg * kDegree});
+void GlobalOptimizer::Implementation::use_measurements() {
+  while (measurements_.use(frames_, poses_, &graph_)) solve();
 }
 
 void GlobalOptimizer::Implementation::add_external(const ExternalPose& pose) {
-  if (!external_.add(pose)) {
-    reporter_->report(
-        Severity::kWarning, "external_odometry",
-        "a message of the other odometry was dropped: its stamp does not follow the one before, "
-        "or its pose is none (sensor.external_odometry_topic)");
-    return;
-  }
-  use_external();
-}
-
-void GlobalOptimizer::Implementation::use_external() {
-  while (external_next_ + 1 < frames_.size() && external_.reaches(frames_[external_next_ + 1].stamp)) {
-    const Frame& to = frames_[external_next_ + 1];
-    std::optional<ExternalStep> step = external_.step(frames_[external_next_].stamp, to.stamp);
-    if (step && !to.begins_session) {
-      step->measured.from = external_next_;
-      step->measured.to = external_next_ + 1;
-      graph_.add_external_odometry(*step);
-      ++unsolved_;
-    }
-    ++external_next_;
-    external_.forget_before(to.stamp);
-  }
-}
-
-void GlobalOptimizer::Implementation::solve_sometimes() {
-  if (unsolved_ >= config_.solve_every) solve();
+  measurements_.add_external(pose);
+  if (!frames_.empty()) use_measurements();
 }
 
 void GlobalOptimizer::Implementation::clean_clouds(bool is_last) {
@@ -260,54 +200,7 @@ void GlobalOptimizer::Implementation::solve() {
   if (!graph_.solve())
     reporter_->report(Severity::kError, "pose_graph", "the pose graph could not be optimised");
   for (std::size_t k = 0; k < poses_.size(); ++k) poses_[k] = graph_.pose(k);
-  unsolved_ = 0;
-}
-
-/// The antenna at the stamp of the fix, by the odometry between the two keyframes about it.
-TiedFix GlobalOptimizer::Implementation::tie(const GnssFix& fix) const {
-  const auto after = std::lower_bound(frames_.begin(), frames_.end(), fix.stamp,
-                                      [](const Frame& frame, Stamp value) { return frame.stamp < value; });
-  const auto next = static_cast<std::size_t>(after - frames_.begin());
-  TiedFix tied;
-  tied.node = next == 0 ? 0 : next - 1;
-  const Frame& before = frames_[tied.node];
-  const double span_s = seconds_between(before.stamp, frames_[next].stamp);
-  const double share = span_s > 0.0 ? seconds_between(before.stamp, fix.stamp) / span_s : 0.0;
-  const Eigen::Isometry3d T_part =
-      before.T_odom_imu.inverse() * interpolated(before.T_odom_imu, frames_[next].T_odom_imu, share);
-  tied.p_imu = T_part * gnss_.p_imu_antenna;
-  tied.p_map = poses_[tied.node] * tied.p_imu;
-  tied.path_m = before.path_m + T_part.translation().norm();
-  return tied;
-}
-
-void GlobalOptimizer::Implementation::use_fixes() {
-  while (!waiting_fixes_.empty() && waiting_fixes_.front().stamp <= frames_.back().stamp) {
-    // What the receiver said before the start has no pose.
-    if (waiting_fixes_.front().stamp >= frames_.front().stamp) use_fix(waiting_fixes_.front());
-    waiting_fixes_.pop_front();
-  }
-}
-
-void GlobalOptimizer::Implementation::use_fix(const GnssFix& fix) {
-  std::optional<EnuAlignment> alignment;
-  if (is_aligned_) alignment = graph_.alignment();
-  PositionFix position;
-  const GnssVerdict verdict = aligner_.add(fix, tie(fix), alignment, &position);
-  fixes_.push_back({fix.stamp, verdict});
-  if (verdict == GnssVerdict::kAccepted) {
-    graph_.add_position(position);
-    ++unsolved_;
-  }
-  if (verdict != GnssVerdict::kWaiting) return;
-  std::vector<PositionFix> positions;
-  const std::optional<EnuAlignment> found = aligner_.try_align(&positions);
-  if (!found) return;
-  is_aligned_ = true;
-  graph_.start_alignment(*found);
-  for (const PositionFix& each : positions) graph_.add_position(each);
-  solve();
-  reporter_->report(Severity::kInfo, "gnss_aligned", "the map is aligned to the GNSS fixes");
+  measurements_.solved();
 }
 
 void GlobalOptimizer::Implementation::search() {
@@ -434,8 +327,9 @@ void GlobalOptimizer::Implementation::expire_pending() {
 Eigen::Isometry3d GlobalOptimizer::Implementation::correct(Stamp stamp,
                                                            const Eigen::Isometry3d& T_odom_imu) const {
   if (frames_.empty()) return T_odom_imu;
-  const auto after = std::upper_bound(frames_.begin(), frames_.end(), stamp,
-                                      [](Stamp value, const Frame& frame) { return value < frame.stamp; });
+  const auto after =
+      std::upper_bound(frames_.begin(), frames_.end(), stamp,
+                       [](Stamp value, const OdometryFrame& frame) { return value < frame.stamp; });
   const std::size_t k = after == frames_.begin() ? 0 : static_cast<std::size_t>(after - frames_.begin()) - 1;
   return correction(k) * T_odom_imu;
 }
@@ -446,22 +340,24 @@ GlobalOptimizer::~GlobalOptimizer() = default;
 
 void GlobalOptimizer::add(Keyframe keyframe) { implementation_->add(std::move(keyframe)); }
 
-void GlobalOptimizer::add_fix(const GnssFix& fix) { implementation_->add_fix(fix); }
+void GlobalOptimizer::add_fix(const GnssFix& fix) { implementation_->measurements_.add_fix(fix); }
 void GlobalOptimizer::add_external(const ExternalPose& pose) { implementation_->add_external(pose); }
 void GlobalOptimizer::finish() {
   implementation_->clean_clouds(true);
-  if (implementation_->unsolved_ > 0) implementation_->solve();
-  if (implementation_->external_next_ == 0) return;
+  if (implementation_->measurements_.unsolved() > 0) implementation_->solve();
+  if (!implementation_->measurements_.has_external()) return;
   implementation_->reporter_->report(
       Severity::kInfo, "external_scale",
       "true way over the way that the other odometry says: " + std::to_string(external_scale()));
 }
-const std::vector<FixResult>& GlobalOptimizer::fixes() const { return implementation_->fixes_; }
+const std::vector<FixResult>& GlobalOptimizer::fixes() const {
+  return implementation_->measurements_.fixes();
+}
 
 double GlobalOptimizer::external_scale() const { return implementation_->graph_.external_scale(); }
 
 std::optional<EnuAlignment> GlobalOptimizer::alignment() const {
-  if (!implementation_->is_aligned_) return std::nullopt;
+  if (!implementation_->measurements_.is_aligned()) return std::nullopt;
   return implementation_->graph_.alignment();
 }
 

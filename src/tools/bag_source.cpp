@@ -218,15 +218,21 @@ void BagSource::read(double start_s, double duration_s, Reporter* reporter, cons
   const ros::Time end = duration_s > 0.0 ? begin + ros::Duration(duration_s) : ros::TIME_MAX;
   rosbag::View view;
   std::vector<std::string> names = {sensor_.points_topic, sensor_.imu_topic};
-  const auto add_optional = [&](const std::string& topic, const std::string& what) {
+  const std::map<std::string, std::string> types = types_by_topic(&all);
+  const auto add_optional = [&](const std::string& topic, const std::string& type, const std::string& what) {
     names.push_back(topic);
-    if (types_by_topic(&all).count(topic) == 0)
-      reporter->report(Severity::kWarning, "topic_missing " + what,
-                       "the bag has nothing on " + topic + ", the topic of " + what + ": going on without");
+    const auto found = types.find(topic);
+    if (found != types.end() && found->second == type) return;
+    reporter->report(Severity::kWarning, "topic_missing " + what,
+                     "the bag has no " + type + " on " + topic + ", the topic of " + what +
+                         "; it has them on: " + joined(topics_of_types(types, {type})) +
+                         ". Going on without");
   };
-  if (callbacks.on_fix) add_optional(sensor_.gnss_topic, "GNSS fixes (sensor.gnss_topic)");
+  if (callbacks.on_fix)
+    add_optional(sensor_.gnss_topic, "sensor_msgs/NavSatFix", "GNSS fixes (sensor.gnss_topic)");
   if (callbacks.on_external)
-    add_optional(sensor_.external_odometry_topic, "another odometry (sensor.external_odometry_topic)");
+    add_optional(sensor_.external_odometry_topic, "nav_msgs/Odometry",
+                 "another odometry (sensor.external_odometry_topic)");
   const rosbag::TopicQuery topics(names);
   for (const auto& bag : bags_) view.addQuery(*bag, topics, begin, end);
   ReadAhead messages(&view, begin, sensor_, reporter);

@@ -122,13 +122,13 @@ std::vector<Keyframe> straight_drive(int count, const Eigen::Isometry3d& error, 
   return keyframes;
 }
 
-/// What wheels say of that drive ten times a second: the truth, with a slip of `slip_m` once.
-std::vector<ExternalPose> wheels_of_straight_drive(int count, double slip_m) {
+/// What wheels say of that drive ten times a second: `scale` times the truth, with a slip of `slip_m` once.
+std::vector<ExternalPose> wheels_of_straight_drive(int count, double slip_m, double scale = 1.0) {
   std::vector<ExternalPose> poses;
   for (int k = 0; k < 10 * count; ++k) {
     ExternalPose pose;
     pose.stamp = 100000000LL * k;
-    pose.T_world_child = planar_pose(0.2 * k + (k > 500 ? slip_m : 0.0), 0.0, 0.0);
+    pose.T_world_child = planar_pose(scale * 0.2 * k + (k > 500 ? slip_m : 0.0), 0.0, 0.0);
     poses.push_back(pose);
   }
   return poses;
@@ -185,10 +185,7 @@ TEST(GlobalOptimizer, ScaleOfTheWheelsIsFoundWhereTheOdometryIsGood) {
   }
   Reporter reporter;
   GlobalOptimizer global(without_loops(), &reporter);
-  for (ExternalPose pose : wheels_of_straight_drive(100, 0.0)) {
-    pose.T_world_child.translation() *= 1.02;
-    global.add_external(pose);
-  }
+  for (const ExternalPose& pose : wheels_of_straight_drive(100, 0.0, 1.02)) global.add_external(pose);
   for (const Keyframe& keyframe : drive) global.add(keyframe);
   global.finish();
   EXPECT_NEAR(global.external_scale(), 1.0 / 1.02, 2e-3);
@@ -200,10 +197,7 @@ TEST(GlobalOptimizer, WheelsDoNotSpoilAGoodOdometry) {
       straight_drive(100, Eigen::Isometry3d::Identity(), 1e-8 * Matrix6d::Identity());
   Reporter reporter;
   GlobalOptimizer global(without_loops(), &reporter);
-  for (ExternalPose pose : wheels_of_straight_drive(100, 0.0)) {
-    pose.T_world_child.translation() *= 1.02;
-    global.add_external(pose);
-  }
+  for (const ExternalPose& pose : wheels_of_straight_drive(100, 0.0, 1.02)) global.add_external(pose);
   for (const Keyframe& keyframe : drive) global.add(keyframe);
   global.finish();
   EXPECT_NEAR(global.T_map_imu(99).translation().x(), 198.0, 0.5);

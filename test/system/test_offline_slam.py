@@ -115,8 +115,10 @@ class OfflineSlam(unittest.TestCase):
         self.assertTrue(filecmp.cmp(self.path / "alone/odometry.tum", self.path / "both/odometry.tum", shallow=False))
         estimate = read_tum(self.path / "both/trajectory.tum")
         self.assertLess(ate_rmse(estimate, read_tum(self.path / "street.tum")), 0.3)
+        apart = estimate[:, 1:4] - read_tum(self.path / "both/odometry.tum")[:, 1:4]
+        self.assertGreater(np.linalg.norm(apart, axis=1).max(), 1e-3)
         missing = self.run_slam("missing", "--duration", "3", *both, "--set", "sensor.gnss_topic=/none",
-                                "--set", "sensor.external_odometry_topic=/none")
+                                "--set", "sensor.external_odometry_topic=/imu_raw")
         self.assertEqual(missing.returncode, 0, missing.stderr)
         self.assertIn("sensor.gnss_topic", missing.stderr)
         self.assertIn("sensor.external_odometry_topic", missing.stderr)

@@ -10,9 +10,8 @@
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/mapping/estimator.hpp"
-#include "fdi_lio/mapping/external_odometry.hpp"
-#include "fdi_lio/mapping/gnss_aligner.hpp"
 #include "fdi_lio/mapping/graph_file.hpp"
+#include "fdi_lio/mapping/graph_measurements.hpp"
 #include "fdi_lio/mapping/keyframe_store.hpp"
 #include "fdi_lio/mapping/loop_types.hpp"
 #include "fdi_lio/mapping/place_descriptor.hpp"
@@ -40,12 +39,6 @@ struct Keyframe {
 /// the surface is thinned to one mean point a voxel.
 Keyframe make_keyframe(const EstimateResult& estimate, DeskewedScan scan, const FeatureSet& features,
                        const Eigen::Isometry3d& T_imu_lidar, double voxel_m);
-
-/// What became of one GNSS fix.
-struct FixResult {
-  Stamp stamp = 0;
-  GnssVerdict verdict = GnssVerdict::kWaiting;
-};
 
 /// The globally consistent map: keyframes, GNSS fixes and other odometry in, corrected poses and map -> odom
 /// out. Looks for loops, verifies them, and optimises the pose graph when one is accepted. Synchronous and

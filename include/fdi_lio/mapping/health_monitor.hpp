@@ -2,11 +2,8 @@
 
 #include <cstddef>
 
-#include <Eigen/Core>
-
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
-#include "fdi_lio/mapping/scan_matcher.hpp"
 
 namespace fdi_lio::mapping {
 

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/mapping/external_odometry.hpp"
+#include "fdi_lio/mapping/gnss_aligner.hpp"
+#include "fdi_lio/mapping/pose_graph.hpp"
+
+namespace fdi_lio::mapping {
+
+/// What the odometry said of a keyframe.
+struct OdometryFrame {
+  Stamp stamp = 0;
+  Eigen::Isometry3d T_odom_imu = Eigen::Isometry3d::Identity();
+  double path_m = 0.0;          ///< way since the first
+  bool begins_session = false;  ///< no way leads here from the one before
+};
+
+/// What became of one GNSS fix.
+struct FixResult {
+  Stamp stamp = 0;
+  GnssVerdict verdict = GnssVerdict::kWaiting;
+};
+
+/// What is known of the keyframes besides odometry and loops: gravity, GNSS fixes, and another odometry.
+/// Keeps what waits for its keyframes, and puts into the pose graph what has them.
+class GraphMeasurements {
+ public:
+  GraphMeasurements(const Config& config, Reporter* reporter);
+
+  /// Roll and pitch of the newest frame, whose pose in the map is `T_map_imu`. The odometry knows them by the
+  /// accelerometer, and what moves the map must not tilt it (the four degrees of freedom of VINS-Mono, Qin et
+  /// al., T-RO 2018, section VIII). Down in odom is what the first keyframe of a session says that knows it
+  /// (`down_imu`, zero while it does not); later ones say it with other errors of the accelerometer, which
+  /// would bend the map.
+  void add_gravity(const std::vector<OdometryFrame>& frames, const Eigen::Isometry3d& T_map_imu,
+                   const Eigen::Vector3d& down_imu, PoseGraph* graph);
+
+  void add_fix(const GnssFix& fix) { waiting_fixes_.push_back(fix); }
+
+  /// What is no pose, or does not follow the one before, is reported and dropped.
+  void add_external(const ExternalPose& pose);
+
+  /// Puts into `graph` what has its keyframes, `poses` being T_map_imu of `frames` (at least one). True when
+  /// the graph should be solved now; then there may be more.
+  bool use(const std::vector<OdometryFrame>& frames, const std::vector<Eigen::Isometry3d>& poses,
+           PoseGraph* graph);
+
+  /// The graph was solved.
+  void solved() { unsolved_ = 0; }
+
+  /// Fixes and steps of the other odometry since then.
+  int unsolved() const { return unsolved_; }
+
+  bool is_aligned() const { return is_aligned_; }
+  bool has_external() const { return external_next_ > 0; }
+  const std::vector<FixResult>& fixes() const { return fixes_; }
+
+ private:
+  bool use_fix(const GnssFix& fix, const TiedFix& tied, PoseGraph* graph);
+  void use_external(const std::vector<OdometryFrame>& frames, PoseGraph* graph);
+
+  double gravity_sigma_rad_;
+  int solve_every_;
+  Eigen::Vector3d p_imu_antenna_;
+  Reporter* reporter_;
+  std::optional<Eigen::Vector3d> down_odom_, down_map_;
+  GnssAligner aligner_;
+  std::deque<GnssFix> waiting_fixes_;
+  std::vector<FixResult> fixes_;
+  bool is_aligned_ = false;
+  ExternalOdometry external_;
+  std::size_t external_next_ = 0;  ///< the frame whose step to the next waits for the other odometry
+  int unsolved_ = 0;
+};
+
+}  // namespace fdi_lio::mapping
