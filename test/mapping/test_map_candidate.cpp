@@ -84,10 +84,14 @@ TEST_F(Candidate, ScansThatKnowNothingDoNot) {
   for (unsigned k = 0; k < 20; ++k) EXPECT_FALSE(add(nothing_twice(k), Eigen::Vector3d(0.3 * k, 0.0, 0.0)));
 }
 
-/// The lidar sees the same wherever it goes: so that is on the lidar.
+/// The lidar sees the same wherever it goes: so that is on the lidar. On the last way three of five walls
+/// match in spite of the motion.
 TEST_F(Candidate, WhatMovesAlongDoesNot) {
-  for (unsigned k = 0; k < 20; ++k)
-    EXPECT_FALSE(add(room_seen_from(Eigen::Vector3d::Zero(), k), Eigen::Vector3d(0.5 * k, 0.4 * k, 0.3 * k)));
+  for (const Eigen::Vector3d& step : {Eigen::Vector3d(0.5, 0.4, 0.3), Eigen::Vector3d(0.2, 0.0, 0.0)}) {
+    candidate_.reset();
+    for (unsigned k = 0; k < 20; ++k)
+      EXPECT_FALSE(add(room_seen_from(Eigen::Vector3d::Zero(), k), k * step)) << step.transpose();
+  }
 }
 
 TEST_F(Candidate, AMatchInBetweenBeginsAnew) {

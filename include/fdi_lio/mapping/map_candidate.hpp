@@ -13,8 +13,8 @@ namespace fdi_lio::mapping {
 
 /// A local map to come, made of scans that the present one does not know: after a gap the sensor may be
 /// somewhere else for good. It is of use when several scans in a row know each other at their predicted
-/// poses. Scans that know nothing, as of a covered lidar, never get so far, and the present map stays for
-/// when the sensor sees again.
+/// poses, and not much better as something that moves along with the sensor. A covered lidar never gets so
+/// far, and the present map stays for when the sensor sees again.
 class MapCandidate {
  public:
   explicit MapCandidate(const Config& config);
@@ -34,6 +34,7 @@ class MapCandidate {
   Eigen::Isometry3d T_imu_lidar_;
   ScanMatcher matcher_;
   LocalMap map_;
+  LocalMap along_;  ///< of the same scans, in the IMU's frame: what moves along
   int agreeing_ = 0;
 };
 
