@@ -356,9 +356,14 @@ const std::vector<FixResult>& GlobalOptimizer::fixes() const {
 
 double GlobalOptimizer::external_scale() const { return implementation_->graph_.external_scale(); }
 
+std::optional<GeodeticPoint> GlobalOptimizer::enu_origin() const {
+  return implementation_->measurements_.enu_origin();
+}
+
 std::optional<EnuAlignment> GlobalOptimizer::alignment() const {
   if (!implementation_->measurements_.is_aligned()) return std::nullopt;
-  return implementation_->graph_.alignment();
+  return implementation_->measurements_.with_height(implementation_->graph_.alignment(),
+                                                    implementation_->poses_);
 }
 
 Eigen::Isometry3d GlobalOptimizer::T_map_odom() const {

@@ -26,6 +26,10 @@ class GnssAligner::Origin {
  public:
   explicit Origin(const GnssFix& fix) : local_(fix.latitude_deg, fix.longitude_deg, fix.altitude_m) {}
 
+  GeodeticPoint point() const {
+    return {local_.LatitudeOrigin(), local_.LongitudeOrigin(), local_.HeightOrigin()};
+  }
+
   Eigen::Vector3d to_enu(const GnssFix& fix) const {
     Eigen::Vector3d p;
     local_.Forward(fix.latitude_deg, fix.longitude_deg, fix.altitude_m, p.x(), p.y(), p.z());
@@ -44,6 +48,11 @@ const char* to_text(GnssVerdict verdict) {
 GnssAligner::GnssAligner(const GnssConfig& config, double drift_share)
     : config_(config), drift_share_(drift_share) {}
 GnssAligner::~GnssAligner() = default;
+
+std::optional<GeodeticPoint> GnssAligner::origin() const {
+  if (!origin_) return std::nullopt;
+  return origin_->point();
+}
 
 GnssVerdict GnssAligner::add(const GnssFix& fix, const TiedFix& tied,
                              const std::optional<EnuAlignment>& alignment, PositionFix* position) {

@@ -36,6 +36,7 @@ GraphMeasurements::GraphMeasurements(const Config& config, Reporter* reporter)
     : gravity_sigma_rad_(config.loop.gravity_sigma_deg * M_PI / 180.0),
       solve_every_(config.loop.solve_every),
       p_imu_antenna_(config.gnss.p_imu_antenna),
+      use_altitude_(config.gnss.use_altitude),
       reporter_(reporter),
       aligner_(config.gnss, config.loop.drift_share),
       external_(config.external_odometry) {}
@@ -75,6 +76,23 @@ bool GraphMeasurements::use(const std::vector<OdometryFrame>& frames,
   return unsolved_ >= solve_every_;
 }
 
+void GraphMeasurements::add_position(const PositionFix& position, PoseGraph* graph) {
+  graph->add_position(position);
+  positions_.push_back(position);
+}
+
+EnuAlignment GraphMeasurements::with_height(EnuAlignment alignment,
+                                            const std::vector<Eigen::Isometry3d>& poses) const {
+  if (use_altitude_ || positions_.empty()) return alignment;
+  std::vector<double> heights;
+  for (const PositionFix& fix : positions_)
+    heights.push_back(fix.p_enu.z() - (poses[fix.node] * fix.p_imu).z());
+  const auto middle = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2);
+  std::nth_element(heights.begin(), middle, heights.end());
+  alignment.t_enu_map.z() = *middle;
+  return alignment;
+}
+
 /// True when it was the one that the map could be aligned with.
 bool GraphMeasurements::use_fix(const GnssFix& fix, const TiedFix& tied, PoseGraph* graph) {
   std::optional<EnuAlignment> alignment;
@@ -83,7 +101,7 @@ bool GraphMeasurements::use_fix(const GnssFix& fix, const TiedFix& tied, PoseGra
   const GnssVerdict verdict = aligner_.add(fix, tied, alignment, &position);
   fixes_.push_back({fix.stamp, verdict});
   if (verdict == GnssVerdict::kAccepted) {
-    graph->add_position(position);
+    add_position(position, graph);
     ++unsolved_;
   }
   if (verdict != GnssVerdict::kWaiting) return false;
@@ -92,7 +110,7 @@ bool GraphMeasurements::use_fix(const GnssFix& fix, const TiedFix& tied, PoseGra
   if (!found) return false;
   is_aligned_ = true;
   graph->start_alignment(*found);
-  for (const PositionFix& each : positions) graph->add_position(each);
+  for (const PositionFix& each : positions) add_position(each, graph);
   reporter_->report(Severity::kInfo, "gnss_aligned", "the map is aligned to the GNSS fixes");
   return true;
 }

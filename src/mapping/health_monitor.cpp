@@ -12,9 +12,9 @@ constexpr double kMinMatchShare = 0.1;
 constexpr int kLostScans = 50;
 /// The innovation is averaged over about so many scans, each counting for so much at most: a single one may
 /// follow a gap.
-constexpr double kAveragedScans = 20.0;
+constexpr double kAveragedScans = 50.0;
 constexpr double kMostInnovationSq = 20.0;
-constexpr double kContradictionSq = 3.0;
+constexpr double kContradictionSq = 4.0;
 /// After a beginning biases and velocity find their values first.
 constexpr int kSettlingScans = 30;
 /// Beyond what consumer IMUs have.

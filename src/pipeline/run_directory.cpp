@@ -115,16 +115,18 @@ void RunDirectory::write_global(const mapping::GlobalOptimizer& global, double m
   std::vector<evaluation::StampedPose> corrected;
   for (const evaluation::StampedPose& pose : poses_)
     corrected.push_back({pose.stamp, global.correct(pose.stamp, pose.T)});
-  write_trajectory(corrected);
+  write_trajectory("trajectory.tum", corrected);
   mapping::write_loops((path_ / "loops.csv").string(), global.loops());
   write_fixes(global);
+  write_georeference(global, corrected);
   mapping::MapBuilder map(map_voxel_m);
   for (std::size_t k = 0; k < global.size(); ++k) map.add(global.cloud(k)->surface, global.T_map_imu(k));
   mapping::write_cloud((path_ / "map.pcd").string(), map.points(), mapping::CloudFormat::kPcd);
 }
 
-void RunDirectory::write_trajectory(const std::vector<evaluation::StampedPose>& poses) const {
-  const std::filesystem::path path = path_ / "trajectory.tum";
+void RunDirectory::write_trajectory(const std::string& name,
+                                    const std::vector<evaluation::StampedPose>& poses) const {
+  const std::filesystem::path path = path_ / name;
   const std::filesystem::path temporary = path.string() + ".part";
   evaluation::write_trajectory(temporary.string(), poses, evaluation::TrajectoryFormat::kTum);
   std::filesystem::rename(temporary, path);
@@ -132,7 +134,7 @@ void RunDirectory::write_trajectory(const std::vector<evaluation::StampedPose>& 
 
 void RunDirectory::write_localisation(const std::vector<evaluation::StampedPose>& poses,
                                       const std::vector<mapping::LocalisationResult>& registrations) const {
-  write_trajectory(poses);
+  write_trajectory("trajectory.tum", poses);
   const std::filesystem::path path = path_ / "localisation.csv";
   std::ofstream out = open_for_writing(path);
   out.precision(std::numeric_limits<double>::max_digits10);
@@ -152,18 +154,34 @@ void RunDirectory::write_localisation(const std::vector<evaluation::StampedPose>
 }
 
 void RunDirectory::write_fixes(const mapping::GlobalOptimizer& global) const {
-  const auto alignment = global.alignment();
   if (global.fixes().empty()) return;
   const std::filesystem::path path = path_ / "fixes.csv";
   std::ofstream out = open_for_writing(path);
-  out.precision(std::numeric_limits<double>::max_digits10);
-  if (alignment) {
-    out << "# ENU <- map: yaw " << alignment->yaw_rad << " rad, translation "
-        << alignment->t_enu_map.transpose() << " m\n";
-  }
   out << "stamp,verdict\n";
   for (const mapping::FixResult& fix : global.fixes())
     out << stamp_text(fix.stamp) << ',' << to_text(fix.verdict) << '\n';
+  out.flush();
+  check_written(out, path);
+}
+
+void RunDirectory::write_georeference(const mapping::GlobalOptimizer& global,
+                                      const std::vector<evaluation::StampedPose>& corrected) const {
+  const auto alignment = global.alignment();
+  const auto origin = global.enu_origin();
+  if (!alignment || !origin) return;
+  std::vector<evaluation::StampedPose> in_enu;
+  for (const evaluation::StampedPose& pose : corrected)
+    in_enu.push_back({pose.stamp, alignment->T_enu_map() * pose.T});
+  write_trajectory("trajectory_enu.tum", in_enu);
+  const std::filesystem::path path = path_ / "georeference.yaml";
+  std::ofstream out = open_for_writing(path);
+  out.precision(std::numeric_limits<double>::max_digits10);
+  const Eigen::Vector3d& t = alignment->t_enu_map;
+  out << "# p_enu = Rz(yaw) p_map + translation; x east, y north, z up at the origin (WGS 84)\n"
+      << "origin: {latitude: " << origin->latitude_deg << ", longitude: " << origin->longitude_deg
+      << ", altitude: " << origin->altitude_m << "}  # deg, deg, m\n"
+      << "T_enu_map: {yaw: " << alignment->yaw_rad << ", translation: [" << t.x() << ", " << t.y() << ", "
+      << t.z() << "]}  # rad, m\n";
   out.flush();
   check_written(out, path);
 }

@@ -35,8 +35,13 @@ GnssFix GnssSimulator::next() {
   fix.time_s = static_cast<double>(count_) / settings_.rate_hz;
   const double keep = std::exp(-1.0 / (settings_.rate_hz * kDriftTime));
   drift_ = keep * drift_ + random_vector(settings_.drift_m * std::sqrt(1.0 - keep * keep), &random);
-  const Eigen::Vector3d p =
+  Eigen::Vector3d p =
       trajectory_.pose(fix.time_s).translation() + drift_ + random_vector(settings_.noise_m, &random);
+  Random reflections(seed_ + 2, kStreamGnss, static_cast<std::uint64_t>(count_));
+  if (reflections.chance(settings_.outlier_share)) {
+    const double direction = reflections.uniform(0.0, 2.0 * M_PI);
+    p += settings_.outlier_error_m * Eigen::Vector3d(std::cos(direction), std::sin(direction), 0.0);
+  }
   const GeographicLib::LocalCartesian local(settings_.latitude_deg, settings_.longitude_deg,
                                             settings_.altitude_m);
   local.Reverse(p.x(), p.y(), p.z(), fix.latitude_deg, fix.longitude_deg, fix.altitude_m);

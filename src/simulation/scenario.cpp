@@ -83,6 +83,9 @@ void GnssSettings::visit(ParameterVisitor& v) {
   v.real({"gnss.drift", "m", "slow error"}, drift_m, 0.0, 100.0);
   v.real({"gnss.outage_share", "", "of the time without a fix"}, outage_share, 0.0, 1.0);
   v.real({"gnss.outage_length", "s", "of one outage"}, outage_length_s, 1.0, 600.0);
+  v.real({"gnss.outlier_share", "", "of the fixes"}, outlier_share, 0.0, 1.0);
+  v.real({"gnss.outlier_error", "m", "of outliers, horizontally in any direction"}, outlier_error_m, 0.0,
+         1000.0);
   v.real({"gnss.latitude", "deg", "of the map's origin"}, latitude_deg, -85.0, 85.0);
   v.real({"gnss.longitude", "deg", "of the map's origin"}, longitude_deg, -180.0, 180.0);
   v.real({"gnss.altitude", "m", "of the map's origin"}, altitude_m, -500.0, 9000.0);

@@ -14,6 +14,7 @@ import unittest
 
 import numpy as np
 import rosbag
+import yaml
 
 import broken_bags
 
@@ -117,6 +118,15 @@ class OfflineSlam(unittest.TestCase):
         self.assertLess(ate_rmse(estimate, read_tum(self.path / "street.tum")), 0.3)
         apart = estimate[:, 1:4] - read_tum(self.path / "both/odometry.tum")[:, 1:4]
         self.assertGreater(np.linalg.norm(apart, axis=1).max(), 1e-3)
+        # On the earth: the simulator's map has its origin at 49.0, 8.4 and x pointing east.
+        reference = yaml.safe_load((self.path / "both/georeference.yaml").read_text())
+        east = (reference["origin"]["longitude"] - 8.4) * 111320.0 * np.cos(np.radians(49.0))
+        north = (reference["origin"]["latitude"] - 49.0) * 111229.0
+        in_enu, truth = read_tum(self.path / "both/trajectory_enu.tum"), read_tum(self.path / "street.tum")
+        true_xy = np.stack([np.interp(in_enu[:, 0], truth[:, 0], truth[:, k]) for k in (1, 2)], axis=1)
+        off = np.linalg.norm(in_enu[:, 1:3] + [east, north] - true_xy, axis=1)
+        self.assertLess(off.max(), 8.0)  # fixes are off by 1.8 m, much of it for a minute
+        self.assertFalse((self.path / "alone/georeference.yaml").exists())
         missing = self.run_slam("missing", "--duration", "3", *both, "--set", "sensor.gnss_topic=/none",
                                 "--set", "sensor.external_odometry_topic=/imu_raw")
         self.assertEqual(missing.returncode, 0, missing.stderr)

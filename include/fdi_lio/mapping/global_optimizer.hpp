@@ -65,6 +65,9 @@ class GlobalOptimizer {
   /// Where the map lies in ENU; nothing until the fixes have shown it.
   std::optional<EnuAlignment> alignment() const;
 
+  /// The origin of that ENU: the first usable fix. Nothing before it.
+  std::optional<GeodeticPoint> enu_origin() const;
+
   /// True way over the way that the other odometry says (external_odometry.*); 1 before it says anything.
   double external_scale() const;
 

@@ -24,6 +24,13 @@ struct GnssFix {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< ENU [m^2]
 };
 
+/// A place on the earth (WGS 84).
+struct GeodeticPoint {
+  double latitude_deg = 0.0;
+  double longitude_deg = 0.0;
+  double altitude_m = 0.0;
+};
+
 enum class GnssVerdict {
   kAccepted,
   kWaiting,  ///< before the alignment: kept for it
@@ -57,6 +64,9 @@ class GnssAligner {
   /// The alignment, as soon as the fixes that wait are far enough apart and agree; `positions` are those that
   /// agree. Nothing otherwise.
   std::optional<EnuAlignment> try_align(std::vector<PositionFix>* positions);
+
+  /// Where ENU has its origin; nothing before the first usable fix.
+  std::optional<GeodeticPoint> origin() const;
 
  private:
   struct Waiting {

@@ -60,21 +60,30 @@ class GraphMeasurements {
   int unsolved() const { return unsolved_; }
 
   bool is_aligned() const { return is_aligned_; }
+  std::optional<GeodeticPoint> enu_origin() const { return aligner_.origin(); }
+
+  /// `alignment` of the graph with the height that the fixes say: where altitudes do not move the map
+  /// (gnss.use_altitude), the graph knows nothing of it, and it is the median over the fixes in the graph.
+  EnuAlignment with_height(EnuAlignment alignment, const std::vector<Eigen::Isometry3d>& poses) const;
+
   bool has_external() const { return external_next_ > 0; }
   const std::vector<FixResult>& fixes() const { return fixes_; }
 
  private:
+  void add_position(const PositionFix& position, PoseGraph* graph);
   bool use_fix(const GnssFix& fix, const TiedFix& tied, PoseGraph* graph);
   void use_external(const std::vector<OdometryFrame>& frames, PoseGraph* graph);
 
   double gravity_sigma_rad_;
   int solve_every_;
   Eigen::Vector3d p_imu_antenna_;
+  bool use_altitude_;
   Reporter* reporter_;
   std::optional<Eigen::Vector3d> down_odom_, down_map_;
   GnssAligner aligner_;
   std::deque<GnssFix> waiting_fixes_;
   std::vector<FixResult> fixes_;
+  std::vector<PositionFix> positions_;  ///< those in the graph
   bool is_aligned_ = false;
   ExternalOdometry external_;
   std::size_t external_next_ = 0;  ///< the frame whose step to the next waits for the other odometry

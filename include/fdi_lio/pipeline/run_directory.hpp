@@ -29,7 +29,8 @@ class RunDirectory {
   void add(const ScanOutput& output);
 
   /// Poses after global correction: trajectory.tum anew, map.pcd from the keyframes' clouds at `map_voxel_m`,
-  /// loops.csv, and fixes.csv if there were any. Each is written under another name first and then renamed.
+  /// loops.csv, and fixes.csv if there were any; when these have shown where the map lies, trajectory_enu.tum
+  /// and georeference.yaml. Each trajectory is written under another name first and then renamed.
   void write_global(const mapping::GlobalOptimizer& global, double map_voxel_m) const;
 
   /// In place of `write_global` when there was a session to localise in: trajectory.tum anew with `poses`,
@@ -50,8 +51,10 @@ class RunDirectory {
   void write_degeneracy(const ScanOutput& output);
   void write_covariance(const mapping::EstimateResult& estimate);
   void write_directions(const mapping::EstimateResult& estimate);
-  void write_trajectory(const std::vector<evaluation::StampedPose>& poses) const;
+  void write_trajectory(const std::string& name, const std::vector<evaluation::StampedPose>& poses) const;
   void write_fixes(const mapping::GlobalOptimizer& global) const;
+  void write_georeference(const mapping::GlobalOptimizer& global,
+                          const std::vector<evaluation::StampedPose>& corrected) const;
 
   std::filesystem::path path_;
   evaluation::TrajectoryWriter trajectory_;

@@ -17,8 +17,8 @@ struct GnssFix {
   bool valid = false;  ///< false during an outage
 };
 
-/// Fixes of the IMU's position: white noise, a slow drift, and outages. The map's x axis points east, y
-/// north.
+/// Fixes of the IMU's position: white noise, a slow drift, outliers, and outages. The map's x axis points
+/// east, y north.
 class GnssSimulator {
  public:
   /// Keeps a reference to `trajectory`.

@@ -100,7 +100,9 @@ struct GnssSettings {
   double drift_m = 1.5;       ///< slow error, standard deviation
   double outage_share = 0.2;  ///< of the time without a fix
   double outage_length_s = 15.0;
-  double latitude_deg = 49.0;  ///< of the map's origin
+  double outlier_share = 0.0;   ///< of the fixes, as by reflected signals
+  double outlier_error_m = 30;  ///< of those, horizontally in any direction
+  double latitude_deg = 49.0;   ///< of the map's origin
   double longitude_deg = 8.4;
   double altitude_m = 115.0;
 
