@@ -18,6 +18,7 @@
 #include "fdi_lio/mapping/mounting.hpp"
 #include "fdi_lio/mapping/scan_matcher.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
+#include "fdi_lio/mapping/start_motion.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -62,6 +63,7 @@ class Estimator::Implementation {
  private:
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
+  void search_motion(const std::optional<imu::Preintegration>& imu, FeatureSet* features);
   LidarInformation optimise(MatchInput input, EstimateResult* result);
   void begin_map_anew(const EstimateResult& result, const Matrix15d& covariance);
   void add_directions(const MatchInput& input, const imu::NavState& at, const MatchSettings& settings,
@@ -80,6 +82,7 @@ class Estimator::Implementation {
   MapDrift drift_;
   HealthMonitor health_;
   MapCandidate candidate_;
+  std::optional<FeatureSet> first_;  ///< the first scan, until the second has come
   BeamCorrection beams_;
   AdaptedSettings adapted_;
   int scan_count_ = 0;
@@ -148,6 +151,26 @@ void Estimator::Implementation::predict(const FeatureSet& features,
   predicted.g_odom = newest.g_odom;
   predicted.imu_status = imu::ImuStatus::kInitialising;
   smoother_.add(predicted, motion, false);
+}
+
+/// At a start in motion nothing predicts the second scan, and neither it nor the first was deskewed.
+void Estimator::Implementation::search_motion(const std::optional<imu::Preintegration>& imu,
+                                              FeatureSet* features) {
+  const FeatureSet first = std::move(*first_);
+  first_.reset();
+  const imu::NavState& predicted = smoother_.newest();
+  if (predicted.imu_status == imu::ImuStatus::kInitialised) return;
+  const std::optional<Eigen::Vector3d> v_odom =
+      start_velocity(first, before_, *features, predicted, T_imu_lidar_);
+  if (!v_odom) return;
+  before_.v_odom = *v_odom;
+  map_ = LocalMap(config_.mapping);
+  map_.insert(moved_while_scanned(first, before_, T_imu_lidar_), before_.T_odom_imu(), T_imu_lidar_);
+  smoother_.start(before_, Smoother::InitialSigma());
+  predict(*features, imu);
+  *features = moved_while_scanned(*features, smoother_.newest(), T_imu_lidar_);
+  reporter_->report(Severity::kInfo, "start_motion",
+                    "started in motion, at about " + std::to_string(v_odom->norm()) + " m/s");
 }
 
 /// Directions that geometry leaves open are filled by textures, and what still is open is left to the IMU.
@@ -345,7 +368,8 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
   } else {
     before_ = smoother_.newest();
     predict(features, imu);
-    if (config_.mapping.calibrate_beams) features = beams_.apply(measured, smoother_.newest());
+    if (first_) search_motion(imu, &features);
+    if (config_.mapping.calibrate_beams) features = beams_.apply(features, smoother_.newest());
     const LidarInformation information = optimise(
         make_match_input(features, config_.mapping, T_imu_lidar_, adapted_.feature_voxel_m), &result);
     radius_m = information.radius_m;
@@ -397,6 +421,7 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
     is_restart = candidate_.add(features, input, result.state);
     if (is_restart) begin_map_anew(result, covariance);
   }
+  if (scan_count_ == 0) first_ = features;
   if (result.is_healthy || map_.empty()) map_.insert(features, result.state.T_odom_imu(), T_imu_lidar_);
   result.is_keyframe = decide_keyframe() || is_restart;
   ++map_scans_;

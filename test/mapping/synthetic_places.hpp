@@ -21,6 +21,9 @@ inline Eigen::Isometry3d planar_pose(double x, double y, double yaw) {
 /// Surfaces on which random points lie, brighter or darker.
 class SyntheticWorld {
  public:
+  /// Another `spots` puts the points elsewhere on the same surfaces.
+  explicit SyntheticWorld(unsigned spots = 1) : random_(spots) {}
+
   /// A rectangle: `corner`, two sides, its brightness, and points per square metre.
   void add(const Eigen::Vector3d& corner, const Eigen::Vector3d& a, const Eigen::Vector3d& b,
            double intensity, double density = 3.0) {
@@ -35,12 +38,13 @@ class SyntheticWorld {
   }
 
   /// An upright box, seen from outside.
-  void add_box(double x, double y, double width, double depth, double height, double intensity) {
+  void add_box(double x, double y, double width, double depth, double height, double intensity,
+               double density = 3.0) {
     const Eigen::Vector3d up(0.0, 0.0, height);
-    add({x, y, -1.7}, {width, 0.0, 0.0}, up, intensity);
-    add({x, y + depth, -1.7}, {width, 0.0, 0.0}, up, intensity);
-    add({x, y, -1.7}, {0.0, depth, 0.0}, up, intensity);
-    add({x + width, y, -1.7}, {0.0, depth, 0.0}, up, intensity);
+    add({x, y, -1.7}, {width, 0.0, 0.0}, up, intensity, density);
+    add({x, y + depth, -1.7}, {width, 0.0, 0.0}, up, intensity, density);
+    add({x, y, -1.7}, {0.0, depth, 0.0}, up, intensity, density);
+    add({x + width, y, -1.7}, {0.0, depth, 0.0}, up, intensity, density);
   }
 
   /// What a sensor at `T` sees within 30 m: every second point or so, with 1 cm of noise, all of them plane
@@ -68,7 +72,7 @@ class SyntheticWorld {
     double intensity;
   };
   std::vector<Sample> samples_;
-  std::mt19937 random_{1};
+  std::mt19937 random_;
 };
 
 /// Boxes of random size strewn over a square, a strip about the lines |x| = 25 and |y| = 25 left free.
