@@ -26,6 +26,8 @@ constexpr double kBaseSigmaRad = 0.5 * kDegree;
 constexpr double kLoopScaleSq = 100.0;
 /// A loop that the graph takes with less weight contradicts the others.
 constexpr double kMinLoopWeight = 0.25;
+/// A loop deviates from a graph that agrees with it by this at most (95 % of chi-square, six dimensions).
+constexpr double kAgreeingSq = 12.6;
 /// How long a loop waits for a second one that agrees.
 constexpr double kConfirmationPathM = 60.0;
 /// Way before the later keyframe whose scans are registered together with it.
@@ -111,6 +113,7 @@ class GlobalOptimizer::Implementation {
   std::vector<std::size_t> pending_;  ///< indices in `loops_`
   double searched_at_m_ = 0.0;
   GraphMeasurements measurements_;
+  int unsolved_loops_ = 0;  ///< since the last optimisation, which agreed with it
   double loop_at_m_ = 0.0;  ///< way at the last keyframe with an accepted loop
 
  private:
@@ -178,6 +181,7 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
   measurements_.add_gravity(frames_, poses_.back(), keyframe.down_imu, &graph_);
   detector_.add(place, frames_.back().path_m);
   if (config_.enabled && frames_.back().path_m - searched_at_m_ >= config_.spacing_m) search();
+  if (unsolved_loops_ >= config_.solve_every) solve();
   use_measurements();
 }
 
@@ -201,6 +205,7 @@ void GlobalOptimizer::Implementation::solve() {
     reporter_->report(Severity::kError, "pose_graph", "the pose graph could not be optimised");
   for (std::size_t k = 0; k < poses_.size(); ++k) poses_[k] = graph_.pose(k);
   measurements_.solved();
+  unsolved_loops_ = 0;
 }
 
 void GlobalOptimizer::Implementation::search() {
@@ -284,11 +289,21 @@ void GlobalOptimizer::Implementation::decide(std::size_t index) {
   accept(accepted);
 }
 
-/// Puts loops into the graph. Those that it does not follow contradict the others.
+/// Puts loops into the graph. Those that it does not follow contradict the others. A graph that agrees with
+/// them already waits for more: on a way that is driven again and again nearly every loop says what is known.
 void GlobalOptimizer::Implementation::accept(const std::vector<std::size_t>& indices) {
   std::vector<std::size_t> in_graph;
-  for (const std::size_t index : indices) in_graph.push_back(graph_.add_loop(loops_[index].measured));
-  solve();
+  bool agrees = true;
+  for (const std::size_t index : indices) {
+    const RelativePose& measured = loops_[index].measured;
+    agrees = agrees && graph_.squared_error(measured) <= kAgreeingSq;
+    in_graph.push_back(graph_.add_loop(measured));
+  }
+  if (agrees) {
+    unsolved_loops_ += static_cast<int>(indices.size());
+  } else {
+    solve();
+  }
   for (std::size_t k = 0; k < indices.size(); ++k) {
     const bool is_followed = graph_.loop_weight(in_graph[k]) >= kMinLoopWeight;
     loops_[indices[k]].verdict = is_followed ? LoopVerdict::kAccepted : LoopVerdict::kInconsistent;
@@ -344,7 +359,8 @@ void GlobalOptimizer::add_fix(const GnssFix& fix) { implementation_->measurement
 void GlobalOptimizer::add_external(const ExternalPose& pose) { implementation_->add_external(pose); }
 void GlobalOptimizer::finish() {
   implementation_->clean_clouds(true);
-  if (implementation_->measurements_.unsolved() > 0) implementation_->solve();
+  if (implementation_->measurements_.unsolved() + implementation_->unsolved_loops_ > 0)
+    implementation_->solve();
   if (!implementation_->measurements_.has_external()) return;
   implementation_->reporter_->report(
       Severity::kInfo, "external_scale",

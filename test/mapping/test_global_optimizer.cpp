@@ -80,6 +80,33 @@ TEST(GlobalOptimizer, SecondLapClosesTheLoop) {
   EXPECT_FALSE(global.T_map_odom().isApprox(Eigen::Isometry3d::Identity(), 1e-3));
 }
 
+/// Loops that say what the map knows already wait for others; in the end nothing is different.
+TEST(GlobalOptimizer, LoopsThatAgreeAreSolvedTogether) {
+  const Drive drive(1, 2.2, 4e-4);
+  const auto run = [&drive](int solve_every, int* changes) {
+    Config config;
+    config.loop.solve_every = solve_every;
+    Reporter reporter;
+    GlobalOptimizer global(config, &reporter);
+    *changes = 0;
+    for (const Keyframe& keyframe : drive.keyframes) {
+      const Eigen::Isometry3d before = global.T_map_odom();
+      global.add(keyframe);
+      if (!global.T_map_odom().isApprox(before, 1e-12)) ++*changes;
+    }
+    global.finish();
+    return global.graph();
+  };
+  int changes_at_once = 0;
+  int changes_together = 0;
+  const GraphFile at_once = run(1, &changes_at_once);
+  const GraphFile together = run(10, &changes_together);
+  EXPECT_LT(changes_together, changes_at_once - 10);
+  EXPECT_EQ(together.loops.size(), at_once.loops.size());
+  for (std::size_t k = 0; k < together.poses.size(); ++k)
+    EXPECT_LT(difference(together.poses[k], at_once.poses[k]).norm(), 0.02) << k;
+}
+
 TEST(GlobalOptimizer, SameInputGivesTheSameBitsWithAnyNumberOfThreads) {
   const Drive drive(2, 1.15, 4e-4);
   const auto run = [&drive](std::size_t threads) {
