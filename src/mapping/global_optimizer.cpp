@@ -26,8 +26,9 @@ constexpr double kBaseSigmaRad = 0.5 * kDegree;
 constexpr double kLoopScaleSq = 100.0;
 /// A loop that the graph takes with less weight contradicts the others.
 constexpr double kMinLoopWeight = 0.25;
-/// A loop deviates from a graph that agrees with it by this at most (95 % of chi-square, six dimensions).
-constexpr double kAgreeingSq = 12.6;
+/// A loop deviates from a graph that agrees with it by this at most, squared and in standard deviations: the
+/// next loop is searched for from poses that were not corrected by this one.
+constexpr double kAgreeingSq = 0.5;
 /// How long a loop waits for a second one that agrees.
 constexpr double kConfirmationPathM = 60.0;
 /// Way before the later keyframe whose scans are registered together with it.

@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include <malloc.h>
 #include <stdlib.h>
 #include <unistd.h>
 
@@ -119,9 +120,16 @@ void KeyframeStore::keep(std::size_t index, std::shared_ptr<const KeyframeCloud>
   while (bytes_in_memory_ > memory_limit_bytes_ && recent_.size() > 1) {
     Record& oldest = records_[recent_.back()];
     if (!oldest.offset) write(&oldest);
-    bytes_in_memory_ -= bytes_of(*oldest.cloud);
+    const std::size_t bytes = bytes_of(*oldest.cloud);
+    bytes_in_memory_ -= bytes;
+    bytes_dropped_ += bytes;
     oldest.cloud.reset();
     recent_.pop_back();
+  }
+  // Clouds that come and go leave holes between what stays.
+  if (bytes_dropped_ > memory_limit_bytes_ / 4) {
+    malloc_trim(0);
+    bytes_dropped_ = 0;
   }
 }
 

@@ -66,6 +66,17 @@ void regress_intensity(double least_spread_m, Cell* cell) {
 
 }  // namespace
 
+std::int32_t CellPool::take() {
+  if (!free_.empty()) {
+    const std::int32_t index = free_.back();
+    free_.pop_back();
+    (*this)[index] = Cell();
+    return index;
+  }
+  if (used_ == kPiece * pieces_.size()) pieces_.push_back(std::make_unique<Piece>());
+  return static_cast<std::int32_t>(used_++);
+}
+
 std::size_t VoxelMap::KeyHash::operator()(Key key) const {
   key ^= key >> 31;
   key *= 0x7fb5d329728ea185ULL;
@@ -99,16 +110,7 @@ VoxelMap::Address VoxelMap::address_of(const Eigen::Vector3d& point) const {
 
 Cell* VoxelMap::cell_at(Block* block, int slot) {
   std::int32_t& index = block->cells[slot];
-  if (index == kNone) {
-    if (free_.empty()) {
-      index = static_cast<std::int32_t>(cells_.size());
-      cells_.emplace_back();
-    } else {
-      index = free_.back();
-      free_.pop_back();
-      cells_[index] = Cell();
-    }
-  }
+  if (index == kNone) index = cells_.take();
   return &cells_[index];
 }
 
@@ -216,7 +218,7 @@ void VoxelMap::keep_within(const Eigen::Vector3d& center, double radius_m) {
       continue;
     }
     for (const std::int32_t index : entry->second.cells) {
-      if (index != kNone) free_.push_back(index);
+      if (index != kNone) cells_.give_back(index);
     }
     entry = blocks_.erase(entry);
   }

@@ -63,6 +63,7 @@ class KeyframeStore {
   std::vector<Record> records_;
   std::list<std::size_t> recent_;  ///< in memory, the newest use first
   std::size_t bytes_in_memory_ = 0;
+  std::size_t bytes_dropped_ = 0;  ///< since the allocator was asked to give back what is free
 };
 
 }  // namespace fdi_lio::mapping

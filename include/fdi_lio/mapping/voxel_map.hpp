@@ -1,7 +1,9 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <unordered_map>
 #include <vector>
 
@@ -30,6 +32,32 @@ struct Cell {
   bool is_plane = false;
   bool is_line = false;
   bool is_textured = false;  ///< has an intensity gradient
+};
+
+/// Cells by number, in pieces: growing neither moves those that are there, which takes longer than a scan may
+/// when there are a million, nor keeps room for as many again.
+class CellPool {
+ public:
+  Cell& operator[](std::int32_t index) { return (*pieces_[piece_of(index)])[place_of(index)]; }
+  const Cell& operator[](std::int32_t index) const { return (*pieces_[piece_of(index)])[place_of(index)]; }
+
+  /// The number of a new cell, or of one that was given back.
+  std::int32_t take();
+  void give_back(std::int32_t index) { free_.push_back(index); }
+
+  /// Cells that are in use.
+  std::size_t size() const { return used_ - free_.size(); }
+
+ private:
+  static constexpr std::size_t kPiece = 4096;
+  using Piece = std::array<Cell, kPiece>;
+
+  static std::size_t piece_of(std::int32_t index) { return static_cast<std::size_t>(index) / kPiece; }
+  static std::size_t place_of(std::int32_t index) { return static_cast<std::size_t>(index) % kPiece; }
+
+  std::vector<std::unique_ptr<Piece>> pieces_;
+  std::size_t used_ = 0;  ///< those given back included
+  std::vector<std::int32_t> free_;
 };
 
 struct VoxelMapConfig {
@@ -68,7 +96,7 @@ class VoxelMap {
   /// Finest cells that hold a point.
   std::vector<const Cell*> finest_cells() const;
 
-  std::size_t cell_count() const { return cells_.size() - free_.size(); }
+  std::size_t cell_count() const { return cells_.size(); }
   bool empty() const { return blocks_.empty(); }
 
  private:
@@ -96,8 +124,7 @@ class VoxelMap {
   VoxelMapConfig config_;
   double block_size_m_;
   std::unordered_map<Key, Block, KeyHash> blocks_;
-  std::vector<Cell> cells_;
-  std::vector<std::int32_t> free_;
+  CellPool cells_;
   std::uint32_t scans_ = 0;  ///< insertions so far
 };
 
