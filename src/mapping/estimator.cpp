@@ -421,7 +421,8 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
     is_restart = candidate_.add(features, input, result.state);
     if (is_restart) begin_map_anew(result, covariance);
   }
-  if (scan_count_ == 0) first_ = features;
+  // Whoever knows a state from before deskews with it.
+  if (scan_count_ == 0 && !resumed_) first_ = features;
   if (result.is_healthy || map_.empty()) map_.insert(features, result.state.T_odom_imu(), T_imu_lidar_);
   result.is_keyframe = decide_keyframe() || is_restart;
   ++map_scans_;

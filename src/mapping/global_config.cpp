@@ -67,10 +67,10 @@ void visit_noise(LoopConfig& c, ParameterVisitor& v) {
           "standard deviation of roll and pitch that gravity gives each keyframe; 0: the graph may tilt the "
           "map"},
          c.gravity_sigma_deg, 0.0, 90.0);
-  v.integer(
-      {"loop.solve_every", "",
-       "accepted fixes, steps of another odometry, and loops that agree with the map between optimisations"},
-      c.solve_every, 1, 10000);
+  v.integer({"loop.solve_every", "",
+             "accepted fixes and steps of another odometry, or loops that agree with the map, between "
+             "optimisations"},
+            c.solve_every, 1, 10000);
   v.integer({"loop.cloud_memory", "MB", "keyframe clouds beyond this are kept on disk only"},
             c.cloud_memory_mb, 1, 1000000);
   v.flag({"loop.save_session", "", "offline_slam also writes OUTPUT/session, with all keyframe clouds"},

@@ -16,7 +16,7 @@ constexpr std::size_t kMaxPoints = 2000;
 constexpr double kHitShare = 0.7;  ///< of the points at the true displacement
 constexpr double kMaxShare = 0.5;  ///< of the displacements at which a point may find a neighbour
 constexpr double kMaxSpeed = 45.0;
-constexpr double kMaxDistanceM = 9.0;
+constexpr double kMaxInterval = 0.25;  ///< between the two scans [s]: beyond, one velocity does not do
 /// By so much of the best score the predicted motion must be worse. At true starts from 2.5 to 18 m/s it is
 /// by 0.2 and more; where the way is not seen (tunnels), wrong ones exceed it by up to 0.08.
 constexpr double kMinAdvantage = 0.2;
@@ -121,10 +121,10 @@ std::optional<Eigen::Vector3d> start_velocity(const FeatureSet& first, const imu
                                               const FeatureSet& second, const imu::NavState& predicted,
                                               const Eigen::Isometry3d& T_imu_lidar) {
   const double dt = seconds_between(first.stamp, second.stamp);
-  if (dt <= 0.0) return std::nullopt;
-  const StartMotion motion = find_start_motion(
-      turned(first, first_state.q_odom_imu * T_imu_lidar), turned(second, predicted.q_odom_imu * T_imu_lidar),
-      predicted.t_odom_imu - first_state.t_odom_imu, std::min(kMaxSpeed * dt, kMaxDistanceM));
+  if (dt <= 0.0 || dt > kMaxInterval) return std::nullopt;
+  const StartMotion motion = find_start_motion(turned(first, first_state.q_odom_imu * T_imu_lidar),
+                                               turned(second, predicted.q_odom_imu * T_imu_lidar),
+                                               predicted.t_odom_imu - first_state.t_odom_imu, kMaxSpeed * dt);
   const double difference = motion.score - motion.score_predicted;
   if (difference < std::max(kMinAdvantage * motion.score, kMinDifference)) return std::nullopt;
   return motion.displacement / dt;

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <system_error>
 
 #include "fdi_lio/common/config_io.hpp"
 #include "fdi_lio/common/error.hpp"
@@ -42,6 +43,10 @@ RunDirectory::RunDirectory(const std::string& path, const Config& config)
       degeneracy_(open_for_writing(path_ / "degeneracy.csv")),
       covariance_(open_for_writing(path_ / "covariance.csv")),
       directions_(open_for_writing(path_ / "directions.csv")) {
+  // Of an earlier run, and without fixes nothing would take their place.
+  std::error_code ignored;
+  for (const char* name : {"fixes.csv", "trajectory_enu.tum", "georeference.yaml"})
+    std::filesystem::remove(path_ / name, ignored);
   std::ofstream run = open_for_writing(path_ / "run.yaml");
   run << "# fdi_lio " << kVersion << ", every parameter as used\n";
   write_config(config, run);

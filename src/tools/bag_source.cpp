@@ -98,14 +98,12 @@ Decoded decode(const rosbag::MessageInstance& message, const SensorConfig& senso
       decoded.content = ros_bridge::to_imu_sample(*imu);
     return decoded;
   }
-  if (message.getTopic() == sensor.gnss_topic) {
-    if (const auto fix = message.instantiate<sensor_msgs::NavSatFix>())
-      decoded.content = ros_bridge::to_gnss_fix(*fix);
+  if (message.getTopic() == sensor.gnss_topic && message.isType<sensor_msgs::NavSatFix>()) {
+    decoded.content = ros_bridge::to_gnss_fix(*message.instantiate<sensor_msgs::NavSatFix>());
     return decoded;
   }
-  if (message.getTopic() == sensor.external_odometry_topic) {
-    if (const auto odometry = message.instantiate<nav_msgs::Odometry>())
-      decoded.content = ros_bridge::to_external_pose(*odometry);
+  if (message.getTopic() == sensor.external_odometry_topic && message.isType<nav_msgs::Odometry>()) {
+    decoded.content = ros_bridge::to_external_pose(*message.instantiate<nav_msgs::Odometry>());
     return decoded;
   }
   const auto started = std::chrono::steady_clock::now();
@@ -220,9 +218,11 @@ void BagSource::read(double start_s, double duration_s, Reporter* reporter, cons
   std::vector<std::string> names = {sensor_.points_topic, sensor_.imu_topic};
   const std::map<std::string, std::string> types = types_by_topic(&all);
   const auto add_optional = [&](const std::string& topic, const std::string& type, const std::string& what) {
-    names.push_back(topic);
     const auto found = types.find(topic);
-    if (found != types.end() && found->second == type) return;
+    if (found != types.end() && found->second == type) {
+      names.push_back(topic);
+      return;
+    }
     reporter->report(Severity::kWarning, "topic_missing " + what,
                      "the bag has no " + type + " on " + topic + ", the topic of " + what +
                          "; it has them on: " + joined(topics_of_types(types, {type})) +

@@ -78,14 +78,19 @@ TEST_F(Measurements, FixesAlignTheMapAndSayItsHeight) {
 TEST_F(Measurements, AltitudesThatMoveTheMapSayItThemselves) {
   Config config;
   config.gnss.use_altitude = true;
-  const GraphMeasurements measurements(config, &reporter_);
+  GraphMeasurements measurements(config, &reporter_);
+  for (std::size_t k = 0; k < 48; ++k) measurements.add_fix(fix_after(k, Eigen::Vector3d::Zero()));
+  while (measurements.use(frames_, poses_, &graph_)) measurements.solved();
+  ASSERT_TRUE(measurements.is_aligned());
   EnuAlignment alignment;
   alignment.t_enu_map.z() = 4.0;
   EXPECT_EQ(measurements.with_height(alignment, poses_).t_enu_map.z(), 4.0);
 }
 
-TEST_F(Measurements, FixesFromBeforeTheStartAndFromAfterTheNewestFrameWait) {
+TEST_F(Measurements, FixesWaitForTheirFramesAndThoseFromBeforeTheStartAreDropped) {
   GraphMeasurements measurements(Config(), &reporter_);
+  const OdometryFrame next_frame = frames_[10];
+  const Eigen::Isometry3d next_pose = poses_[10];
   frames_.resize(10);
   poses_.resize(10);
   GnssFix early = fix_after(0, Eigen::Vector3d::Zero());
@@ -97,6 +102,11 @@ TEST_F(Measurements, FixesFromBeforeTheStartAndFromAfterTheNewestFrameWait) {
   measurements.add_fix(late);
   EXPECT_FALSE(measurements.use(frames_, poses_, &graph_));
   EXPECT_EQ(measurements.fixes().size(), 9U);
+  frames_.push_back(next_frame);
+  poses_.push_back(next_pose);
+  EXPECT_FALSE(measurements.use(frames_, poses_, &graph_));
+  ASSERT_EQ(measurements.fixes().size(), 10U);
+  EXPECT_EQ(measurements.fixes().back().stamp, late.stamp);
 }
 
 }  // namespace

@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "synthetic_places.hpp"
@@ -87,7 +89,10 @@ TEST(StartMotion, VelocityIsThatOfTheOdometryFrame) {
   const Eigen::Vector3d expected =
       T_odom_town.linear() * (T_town_second.translation() - T_town_first.translation()) / 0.1;
   EXPECT_LT((*v_odom - expected).norm(), 4.0);
-  // Scans that do not follow each other have none.
+  // Scans that do not follow each other, or after a gap, have none.
+  EXPECT_FALSE(start_velocity(scan(T_town_first, 1, 0), state(T_town_first, 0),
+                              scan(T_town_second, 2, 4 * kTenth), state(T_town_second, 4 * kTenth),
+                              T_imu_lidar));
   EXPECT_FALSE(start_velocity(scan(T_town_first, 1, 0), state(T_town_first, 0), scan(T_town_second, 2, 0),
                               state(T_town_second, 0), T_imu_lidar));
 }

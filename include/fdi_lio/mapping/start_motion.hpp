@@ -28,7 +28,8 @@ StartMotion find_start_motion(const std::vector<Eigen::Vector3d>& before,
                               double max_distance_m);
 
 /// The velocity in `odom` at a start in motion that explains the second scan, whose pose is `predicted`, much
-/// better than the prediction does; nothing when there is none. At most 45 m/s.
+/// better than the prediction does; nothing when there is none, or the second comes later than 0.25 s. At
+/// most 45 m/s.
 std::optional<Eigen::Vector3d> start_velocity(const FeatureSet& first, const imu::NavState& first_state,
                                               const FeatureSet& second, const imu::NavState& predicted,
                                               const Eigen::Isometry3d& T_imu_lidar);
