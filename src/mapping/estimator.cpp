@@ -10,6 +10,7 @@
 #include "fdi_lio/mapping/adaptation.hpp"
 #include "fdi_lio/mapping/beam_correction.hpp"
 #include "fdi_lio/mapping/health_monitor.hpp"
+#include "fdi_lio/mapping/imu_start.hpp"
 #include "fdi_lio/mapping/local_map.hpp"
 #include "fdi_lio/mapping/localizability.hpp"
 #include "fdi_lio/mapping/map_candidate.hpp"
@@ -26,10 +27,9 @@ namespace {
 
 /// The first scans in a map, before a velocity is known well, look farther and iterate longer.
 constexpr int kStartScans = 3;
+constexpr int kScansBeforeVelocity = 2;
 constexpr int kStartIterations = 20;
 constexpr double kStartMaxResidual = 1.0;
-constexpr double kMaxStaticSpeed = 0.1;
-constexpr double kRestAccelerationSigma = 0.01;  ///< of the mean over the static duration [m/s^2]
 
 }  // namespace
 
@@ -45,6 +45,7 @@ class Estimator::Implementation {
         drift_(config.mapping.drift_share),
         health_(reporter),
         candidate_(config),
+        imu_start_(config, reporter),
         beams_(config) {}
 
   std::optional<EstimateResult> add(const FeatureSet& measured, const degeneracy::Degeneracy& degeneracy,
@@ -68,9 +69,7 @@ class Estimator::Implementation {
   void begin_map_anew(const EstimateResult& result, const Matrix15d& covariance);
   void add_directions(const MatchInput& input, const imu::NavState& at, const MatchSettings& settings,
                       LidarInformation* information, EstimateResult* result) const;
-  void try_static_start(const imu::Preintegration& imu);
-  void try_moving_start(const imu::Preintegration& imu);
-  void adopt_imu(imu::NavState state, const Smoother::InitialSigma& sigma);
+  void adopt_imu(const std::optional<ImuStart::Found>& found);
   bool decide_keyframe();
 
   Config config_;
@@ -82,6 +81,7 @@ class Estimator::Implementation {
   MapDrift drift_;
   HealthMonitor health_;
   MapCandidate candidate_;
+  ImuStart imu_start_;
   std::optional<FeatureSet> first_;  ///< the first scan, until the second has come
   BeamCorrection beams_;
   AdaptedSettings adapted_;
@@ -90,9 +90,8 @@ class Estimator::Implementation {
   bool has_restarted_ = false;
   std::optional<imu::NavState> resumed_;
   imu::NavState before_;  ///< estimate of the scan before
-  imu::NavState alignment_start_;
-  std::vector<imu::AlignmentInterval> alignment_;
   Eigen::Isometry3d T_odom_first_ = Eigen::Isometry3d::Identity();
+  bool has_keyframe_ = false;
   Eigen::Isometry3d T_odom_keyframe_ = Eigen::Isometry3d::Identity();
 };
 
@@ -119,7 +118,7 @@ void Estimator::Implementation::start(const FeatureSet& features,
         "no IMU data: the motion is predicted by constant velocity; sensor.imu_topic names the topic");
   }
   smoother_.start(first, Smoother::InitialSigma());
-  if (imu) try_static_start(*imu);
+  if (imu) adopt_imu(imu_start_.at_rest(first, *imu));
 }
 
 void Estimator::Implementation::predict(const FeatureSet& features,
@@ -241,14 +240,10 @@ LidarInformation Estimator::Implementation::optimise(MatchInput input, EstimateR
     if (turn < config_.mapping.convergence_rotation_rad && step_m < config_.mapping.convergence_translation_m)
       break;
   }
-  const imu::NavState& corrected = smoother_.newest();
-  Vector6d innovation;
-  innovation << so3::log(Eigen::Quaterniond(predicted.q_odom_imu.conjugate() * corrected.q_odom_imu)),
-      corrected.t_odom_imu - predicted.t_odom_imu;
-  const double innovation_sq =
-      has_prediction ? innovation.dot(predicted_covariance.ldlt().solve(innovation)) : -1.0;
   if (result->is_healthy) {
-    health_.add(innovation_sq, corrected);
+    std::optional<HealthMonitor::Prediction> prediction;
+    if (has_prediction) prediction = HealthMonitor::Prediction{predicted.T_odom_imu(), predicted_covariance};
+    health_.add(prediction, smoother_.newest());
   } else {
     health_.add_unmatched();
   }
@@ -276,68 +271,16 @@ void Estimator::Implementation::begin_map_anew(const EstimateResult& result, con
   smoother_.start(result.state, sigma);
   drift_.begin_anew(result.map_covariance);
   map_ = candidate_.take();
-  alignment_.clear();
+  imu_start_.reset();
   health_.restart();
   map_scans_ = 0;
   has_restarted_ = true;
 }
 
-void Estimator::Implementation::adopt_imu(imu::NavState state, const Smoother::InitialSigma& sigma) {
-  state.imu_status = imu::ImuStatus::kInitialised;
-  smoother_.start(state, sigma);
-  alignment_.clear();
-}
-
-void Estimator::Implementation::try_static_start(const imu::Preintegration& imu) {
-  if (!imu::is_static(imu.recent, config_.imu)) return;
-  imu::NavState state = smoother_.newest();
-  if (scan_count_ > 0 && state.v_odom.norm() > kMaxStaticSpeed) return;
-  state.v_odom.setZero();
-  state.gyro_bias = imu.recent.mean_angular_velocity;
-  state.accel_bias.setZero();
-  state.g_odom =
-      -config_.sensor.gravity_mps2 * (state.q_odom_imu * imu.recent.mean_acceleration).normalized();
-  state.w_imu.setZero();
-  Smoother::InitialSigma sigma;
-  sigma.velocity = 0.02;
-  sigma.gyro_bias = 2e-3;
-  sigma.rest_acceleration = kRestAccelerationSigma;
-  adopt_imu(state, sigma);
-  reporter_->report(Severity::kInfo, "imu_static", "IMU initialised standing still");
-}
-
-void Estimator::Implementation::try_moving_start(const imu::Preintegration& imu) {
-  const imu::NavState& newest = smoother_.newest();
-  if (alignment_.empty()) alignment_start_ = before_;
-  alignment_.push_back({newest.q_odom_imu, newest.t_odom_imu, imu});
-  if (static_cast<int>(alignment_.size()) < config_.imu.moving_init_scans) return;
-  const auto aligned = imu::align_in_motion(alignment_start_.q_odom_imu, alignment_start_.t_odom_imu,
-                                            alignment_, config_.sensor.gravity_mps2);
-  if (!aligned || aligned->gravity_error_mps2 > 0.5) {
-    if (aligned) {
-      reporter_->report(
-          Severity::kWarning, "imu_align",
-          "gravity found in motion is off by " + std::to_string(aligned->gravity_error_mps2) +
-              " m/s^2: check sensor.T_imu_lidar, sensor.acceleration_unit and the clocks; trying again");
-    }
-    alignment_start_.q_odom_imu = alignment_.front().q_odom_imu;
-    alignment_start_.t_odom_imu = alignment_.front().t_odom_imu;
-    alignment_.erase(alignment_.begin());
-    return;
-  }
-  imu::NavState state = newest;
-  state.gyro_bias = aligned->gyro_bias;
-  state.accel_bias.setZero();
-  state.g_odom = aligned->g_odom;
-  state.v_odom = aligned->v_odom;
-  state.w_imu = imu.last_angular_velocity - state.gyro_bias;
-  Smoother::InitialSigma sigma;
-  sigma.velocity = 0.2;
-  sigma.gyro_bias = 5e-3;
-  sigma.gravity = 0.3;
-  sigma.accel_bias = 0.2;
-  adopt_imu(state, sigma);
-  reporter_->report(Severity::kInfo, "imu_moving", "IMU initialised in motion");
+void Estimator::Implementation::adopt_imu(const std::optional<ImuStart::Found>& found) {
+  if (!found) return;
+  smoother_.start(found->state, found->sigma);
+  imu_start_.reset();
 }
 
 bool Estimator::Implementation::decide_keyframe() {
@@ -346,8 +289,12 @@ bool Estimator::Implementation::decide_keyframe() {
   const double rotation = so3::log(Eigen::Matrix3d(T_keyframe_now.rotation())).norm();
   const double motion =
       T_keyframe_now.translation().norm() + config_.mapping.keyframe_rotation_weight_m_per_rad * rotation;
-  if (scan_count_ > 0 && motion <= adapted_.keyframe_distance_m) return false;
+  // The first two scans of a start in motion were deskewed without a velocity: they would shear the map.
+  const bool is_sheared = scan_count_ < kScansBeforeVelocity && !resumed_ &&
+                          smoother_.newest().imu_status != imu::ImuStatus::kInitialised;
+  if (has_keyframe_ ? motion <= adapted_.keyframe_distance_m : is_sheared) return false;
   T_odom_keyframe_ = T;
+  has_keyframe_ = true;
   return true;
 }
 
@@ -390,8 +337,9 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
                       so3::log(Eigen::Quaterniond(before_.q_odom_imu.conjugate() * newest.q_odom_imu)) / dt);
     smoother_.annotate_newest(newest.imu_status, w_imu);
     if (has_imu && newest.imu_status != imu::ImuStatus::kInitialised && scan_count_ > 1) {
-      try_static_start(*imu);
-      if (smoother_.newest().imu_status != imu::ImuStatus::kInitialised) try_moving_start(*imu);
+      adopt_imu(imu_start_.at_rest(smoother_.newest(), *imu));
+      if (smoother_.newest().imu_status != imu::ImuStatus::kInitialised)
+        adopt_imu(imu_start_.in_motion(before_, smoother_.newest(), *imu));
     }
   }
   result.state = smoother_.newest();

@@ -13,8 +13,11 @@ constexpr int kLostScans = 50;
 /// The innovation is averaged over about so many scans, each counting for so much at most: a single one may
 /// follow a gap.
 constexpr double kAveragedScans = 50.0;
-constexpr double kMostInnovationSq = 20.0;
-constexpr double kContradictionSq = 4.0;
+constexpr double kMostInnovationSq = 4.0;
+constexpr double kContradictionSq = 0.8;
+/// Of a scan against the map, beyond its covariance.
+constexpr double kMisfitSigmaRotation = 0.5e-3;  ///< [rad]
+constexpr double kMisfitSigmaPosition = 5e-3;    ///< [m]
 /// After a beginning biases and velocity find their values first.
 constexpr int kSettlingScans = 30;
 /// Beyond what consumer IMUs have.
@@ -37,10 +40,10 @@ void HealthMonitor::add_unmatched() {
           "sensor.T_imu_lidar and the clocks, or call the service reset");
 }
 
-void HealthMonitor::add(double innovation_sq, const imu::NavState& state) {
+void HealthMonitor::add(const std::optional<Prediction>& prediction, const imu::NavState& state) {
   unmatched_ = 0;
   if (state.imu_status != imu::ImuStatus::kInitialised) return;
-  if (innovation_sq >= 0.0) check_innovation(innovation_sq);
+  if (prediction) check_innovation(*prediction, state);
   check_biases(state);
 }
 
@@ -50,15 +53,18 @@ void HealthMonitor::restart() {
   mean_innovation_sq_ = 0.0;
 }
 
-void HealthMonitor::check_innovation(double innovation_sq) {
+void HealthMonitor::check_innovation(const Prediction& prediction, const imu::NavState& state) {
   ++innovations_;
   if (innovations_ <= kSettlingScans) return;
+  const Vector6d innovation = difference(prediction.T_odom_imu, state.T_odom_imu());
+  const Matrix6d covariance = prediction.covariance + isotropic(kMisfitSigmaRotation, kMisfitSigmaPosition);
+  const double innovation_sq = innovation.dot(covariance.ldlt().solve(innovation));
   mean_innovation_sq_ += (std::min(innovation_sq, kMostInnovationSq) - mean_innovation_sq_) / kAveragedScans;
   if (mean_innovation_sq_ < kContradictionSq) return;
   reporter_->report(Severity::kWarning, "imu_contradiction",
                     "scans and IMU contradict each other (mean squared innovation " +
                         std::to_string(mean_innovation_sq_) +
-                        ", usual below 1): check the rotation of sensor.T_imu_lidar, the clocks "
+                        ", usual below 0.45): check the rotation of sensor.T_imu_lidar, the clocks "
                         "(sensor.lidar_time_offset) and the units of the IMU");
 }
 

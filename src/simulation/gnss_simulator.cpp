@@ -37,7 +37,7 @@ GnssFix GnssSimulator::next() {
   drift_ = keep * drift_ + random_vector(settings_.drift_m * std::sqrt(1.0 - keep * keep), &random);
   Eigen::Vector3d p =
       trajectory_.pose(fix.time_s).translation() + drift_ + random_vector(settings_.noise_m, &random);
-  Random reflections(seed_ + 2, kStreamGnss, static_cast<std::uint64_t>(count_));
+  Random reflections(seed_, kStreamGnssReflections, static_cast<std::uint64_t>(count_));
   if (reflections.chance(settings_.outlier_share)) {
     const double direction = reflections.uniform(0.0, 2.0 * M_PI);
     p += settings_.outlier_error_m * Eigen::Vector3d(std::cos(direction), std::sin(direction), 0.0);
@@ -47,7 +47,7 @@ GnssFix GnssSimulator::next() {
   local.Reverse(p.x(), p.y(), p.z(), fix.latitude_deg, fix.longitude_deg, fix.altitude_m);
   // Time is cut into pieces as long as an outage; each piece is out with the wanted share.
   const auto piece = static_cast<std::uint64_t>(fix.time_s / settings_.outage_length_s);
-  fix.valid = !Random(seed_ + 1, kStreamGnss, piece).chance(settings_.outage_share);
+  fix.valid = !Random(seed_, kStreamGnssOutages, piece).chance(settings_.outage_share);
   ++count_;
   return fix;
 }

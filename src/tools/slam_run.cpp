@@ -117,6 +117,12 @@ void SlamRun::finish() {
 
 void SlamRun::write_map() {
   const mapping::GlobalOptimizer& global = part_->global.finish();
+  if (global.size() == 0) {
+    reporter_->report(
+        Severity::kWarning, "empty_map",
+        "no scan became a keyframe, so that map.pcd is empty: the recording has no scans, or only "
+        "one or two of a sensor that already moves");
+  }
   part_->directory.write_global(global, config_.mapping.output_map_voxel_m);
   if (!config_.loop.save_session) return;
   mapping::SessionOptions options;

@@ -9,10 +9,9 @@
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
-
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 /// What one scan gave.
 struct EstimateResult {

@@ -1,9 +1,13 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
+
+#include <Eigen/Geometry>
 
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -13,9 +17,9 @@ namespace fdi_lio::mapping {
 ///   says nothing of the pose: the sensor may have left the local map in a gap without scans, or the pose has
 ///   run away. What becomes of the map is up to MapCandidate; 50 such scans in a row are reported as lost.
 /// - **Contradiction**: the pose that the IMU predicts and the one that the scan gives are farther apart than
-///   both say, again and again. The normalised innovation e' P^-1 e, with e the correction and P the
-///   covariance of the prediction, is 6 on the average if P is right; here it is 0.1 to 0.3, for P is
-///   cautious, and 6 and more with a mounting that is wrong by 20 degrees.
+///   both say, again and again: e' (P + R)^-1 e, with e the correction, P the covariance of the prediction
+///   and R that of scans that do not quite fit the map (0.5 mrad, 5 mm: beams, edges, the map's own errors),
+///   is above 0.8 on the average over 50 scans. P is cautious, so that it stays below 0.45 while all is well.
 /// - **Implausible biases**: no sensor in use has them, so something else hides in them.
 class HealthMonitor {
  public:
@@ -27,15 +31,21 @@ class HealthMonitor {
   /// A scan was not matched: its pose is a prediction.
   void add_unmatched();
 
-  /// Takes what became of a matched scan. `innovation_sq`: e' P^-1 e; negative when there was no prediction
-  /// by an IMU.
-  void add(double innovation_sq, const imu::NavState& state);
+  /// Pose of the IMU in odom predicted by it for a scan, and its covariance, order [dtheta (body), dt
+  /// (odom)].
+  struct Prediction {
+    Eigen::Isometry3d T_odom_imu = Eigen::Isometry3d::Identity();
+    Matrix6d covariance = Matrix6d::Identity();
+  };
+
+  /// Takes what became of a matched scan; no `prediction` where the IMU gave none.
+  void add(const std::optional<Prediction>& prediction, const imu::NavState& state);
 
   /// The local map was begun anew.
   void restart();
 
  private:
-  void check_innovation(double innovation_sq);
+  void check_innovation(const Prediction& prediction, const imu::NavState& state);
   void check_biases(const imu::NavState& state);
 
   Reporter* reporter_;

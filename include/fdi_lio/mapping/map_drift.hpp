@@ -1,7 +1,7 @@
 #pragma once
 
 #include "fdi_lio/imu/imu_types.hpp"
-#include "fdi_lio/mapping/scan_matcher.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 

@@ -2,7 +2,7 @@
 
 #include <Eigen/Geometry>
 
-#include "fdi_lio/mapping/scan_matcher.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 

@@ -1,12 +1,15 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include "fdi_lio/common/so3.hpp"
-#include "fdi_lio/mapping/pose_graph.hpp"
 
 /// The tangent [dtheta (body), dt (reference axes)] of poses in the graph and in registrations.
 namespace fdi_lio::mapping {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 /// T moved by delta: R exp(dtheta), t + dt.
 inline Eigen::Isometry3d moved(const Eigen::Isometry3d& T, const Vector6d& delta) {

@@ -7,12 +7,10 @@
 
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/mapping/match_input.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
 #include "fdi_lio/mapping/voxel_map.hpp"
 
 namespace fdi_lio::mapping {
-
-using Vector6d = Eigen::Matrix<double, 6, 1>;
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 /// Second-order model of the matching cost about one pose, in the tangent [dtheta, dt] of T_odom_imu:
 ///   cost(d) = d' H d / 2 + b' d + constant.

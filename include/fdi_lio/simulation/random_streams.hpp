@@ -15,6 +15,8 @@ enum RandomStream : std::uint64_t {
   kStreamImuBias,
   kStreamGnss,
   kStreamWheels,
+  kStreamGnssReflections,
+  kStreamGnssOutages,
 };
 
 }  // namespace fdi_lio::simulation

@@ -1,0 +1,96 @@
+#include "synthetic_motion.hpp"
+#include <gtest/gtest.h>
+
+#include "fdi_lio/imu/preintegration.hpp"
+#include "fdi_lio/mapping/imu_start.hpp"
+
+namespace fdi_lio::mapping {
+namespace {
+
+/// What a sensor at rest reports that is rolled by 0.1 rad, with a turning rate that is its bias.
+imu::Preintegration rest() {
+  imu::Preintegration result;
+  result.recent.count = 100;
+  result.recent.duration_s = ImuConfig().static_duration_s;
+  result.recent.mean_angular_velocity = Eigen::Vector3d(1e-3, -2e-3, 3e-3);
+  result.recent.mean_acceleration = 9.83 * Eigen::Vector3d(0.0, std::sin(0.1), std::cos(0.1));
+  return result;
+}
+
+TEST(ImuStart, AtRestGravityAndBiasAreTheMeans) {
+  Config config;
+  config.sensor.gravity_mps2 = 9.80665;
+  Reporter reporter;
+  const ImuStart start(config, &reporter);
+  imu::NavState state;
+  state.q_odom_imu = imu::level_orientation(rest().recent);
+  state.v_odom = Eigen::Vector3d(0.05, 0.0, 0.0);
+  const auto found = start.at_rest(state, rest());
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->state.imu_status, imu::ImuStatus::kInitialised);
+  EXPECT_EQ(found->state.v_odom.norm(), 0.0);
+  EXPECT_LT((found->state.gyro_bias - Eigen::Vector3d(1e-3, -2e-3, 3e-3)).norm(), 1e-12);
+  EXPECT_LT((found->state.g_odom - Eigen::Vector3d(0.0, 0.0, -9.80665)).norm(), 1e-9);
+  EXPECT_TRUE(reporter.has("imu_static"));
+}
+
+TEST(ImuStart, ASmoothDriveIsNotAtRest) {
+  Reporter reporter;
+  const ImuStart start(Config(), &reporter);
+  imu::NavState state;
+  state.v_odom = Eigen::Vector3d(15.0, 0.0, 0.0);
+  EXPECT_FALSE(start.at_rest(state, rest()));
+}
+
+/// States at the scans of a known motion, and the IMU between them.
+class Drive {
+ public:
+  explicit Drive(double gravity_mps2) { motion_.gravity = Eigen::Vector3d(0.0, 0.0, -gravity_mps2); }
+
+  imu::NavState state(int k) const {
+    imu::NavState result;
+    result.q_odom_imu = motion_.attitude(0.1 * k);
+    result.t_odom_imu = motion_.position(0.1 * k);
+    return result;
+  }
+
+  imu::Preintegration imu(int k) const {
+    const auto samples = motion_.samples(0.1 * (k - 1), 0.1 * k, 200.0);
+    return imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
+                             Eigen::Vector3d::Zero(), imu::ImuNoise(), ImuConfig());
+  }
+
+  Eigen::Vector3d velocity(int k) const { return motion_.velocity(0.1 * k); }
+
+ private:
+  imu::SyntheticMotion motion_;
+};
+
+TEST(ImuStart, InMotionTheVelocityIsFoundAfterTheGivenScans) {
+  Config config;
+  Reporter reporter;
+  ImuStart start(config, &reporter);
+  const Drive drive(config.sensor.gravity_mps2);
+  for (int k = 1; k < config.imu.moving_init_scans; ++k)
+    ASSERT_FALSE(start.in_motion(drive.state(k - 1), drive.state(k), drive.imu(k))) << k;
+  const int last = config.imu.moving_init_scans;
+  const auto found = start.in_motion(drive.state(last - 1), drive.state(last), drive.imu(last));
+  ASSERT_TRUE(found);
+  EXPECT_LT((found->state.v_odom - drive.velocity(last)).norm(), 0.05);
+  EXPECT_LT((found->state.g_odom - Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2)).norm(), 0.1);
+  EXPECT_TRUE(reporter.has("imu_moving"));
+}
+
+TEST(ImuStart, AGravityOfTheWrongSizeIsReportedAndTriedAgain) {
+  Config config;
+  Reporter reporter;
+  ImuStart start(config, &reporter);
+  const Drive drive(config.sensor.gravity_mps2 + 1.0);
+  for (int k = 1; k < 2 * config.imu.moving_init_scans; ++k)
+    EXPECT_FALSE(start.in_motion(drive.state(k - 1), drive.state(k), drive.imu(k))) << k;
+  EXPECT_TRUE(reporter.has("imu_align"));
+  EXPECT_FALSE(reporter.has("imu_moving"));
+}
+
+}  // namespace
+}  // namespace fdi_lio::mapping
