@@ -66,7 +66,7 @@ void LocalMap::insert(const FeatureSet& features, const Eigen::Isometry3d& T_odo
 
 void LocalMap::trim(const Eigen::Vector3d& center) {
   if ((center - trimmed_at_).norm() <= kTrimDistance) return;
-  for (VoxelMap* map : {&planes_, &edges_, &textures_}) map->keep_within(center, config_.map_radius_m);
+  for (VoxelMap* map : {&planes_, &edges_, &textures_}) map->tidy(center, config_.map_radius_m);
   trimmed_at_ = center;
 }
 

@@ -6,9 +6,21 @@ MapBuilder::MapBuilder(double voxel_m, std::size_t expected_voxels) : voxel_m_(v
   index_.reserve(expected_voxels);
 }
 
+MapBuilder::Voxel* MapBuilder::voxel_of(std::uint64_t key, const Eigen::Vector3i& cell) {
+  const std::uint32_t number = index_.find_or_add(key);
+  if (number == voxels_.size()) {
+    voxels_.emplace_back();
+    voxels_.back().cell = cell;
+  }
+  return &voxels_[number];
+}
+
 void MapBuilder::add(const std::vector<Point>& points, const Eigen::Isometry3d& T_map_lidar) {
   const Eigen::Matrix3d R = T_map_lidar.rotation();
   const Eigen::Vector3d t = T_map_lidar.translation();
+  // Points come in the order of the beam: most fall into the voxel of the one before.
+  std::uint64_t last_key = 0;
+  Voxel* last = nullptr;
   for (const Point& point : points) {
     const Eigen::Vector3d p_map = R * point.position.cast<double>() + t;
     const Eigen::Vector3d scaled = p_map / voxel_m_;
@@ -17,15 +29,13 @@ void MapBuilder::add(const std::vector<Point>& points, const Eigen::Isometry3d& 
     std::uint64_t key = 0;
     for (int axis = 0; axis < 3; ++axis)
       key = (key << 21) | (static_cast<std::uint64_t>(cell[axis]) & 0x1fffff);
-    const std::uint32_t number = index_.find_or_add(key);
-    if (number == voxels_.size()) {
-      voxels_.emplace_back();
-      voxels_.back().cell = cell;
+    if (last == nullptr || key != last_key) {
+      last_key = key;
+      last = voxel_of(key, cell);
     }
-    Voxel& voxel = voxels_[number];
-    voxel.sum += (p_map - voxel_m_ * cell.cast<double>()).cast<float>();
-    voxel.intensity_sum += point.intensity;
-    ++voxel.count;
+    last->sum += (p_map - voxel_m_ * cell.cast<double>()).cast<float>();
+    last->intensity_sum += point.intensity;
+    ++last->count;
   }
 }
 

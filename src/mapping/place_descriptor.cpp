@@ -64,15 +64,16 @@ double column_similarity(const PlaceDescriptor::Grid& a, const PlaceDescriptor::
 
 /// Correlation of the intensities over the cells that both places fill.
 double intensity_similarity(const PlaceDescriptor& a, const PlaceDescriptor& b, int shift) {
+  const auto empty = Eigen::half(0.0F);
   double aa = 0.0;
   double bb = 0.0;
   double ab = 0.0;
   for (int sector = 0; sector < kSectors; ++sector) {
     const int other = (sector + shift) % kSectors;
     for (int ring = 0; ring < kRings; ++ring) {
-      if (a.height(ring, other) <= 0.0F || b.height(ring, sector) <= 0.0F) continue;
-      const double va = a.intensity(ring, other);
-      const double vb = b.intensity(ring, sector);
+      if (a.height(ring, other) <= empty || b.height(ring, sector) <= empty) continue;
+      const auto va = static_cast<double>(a.intensity(ring, other));
+      const auto vb = static_cast<double>(b.intensity(ring, sector));
       aa += va * va;
       bb += vb * vb;
       ab += va * vb;
@@ -100,32 +101,38 @@ PlaceDescriptor describe_place(const std::vector<Point>& points, const Eigen::Ma
   const std::vector<LevelPoint> cells = to_cells(points, R_level_imu, range_m);
   if (cells.empty()) return place;
   const float ground = ground_level(cells);
+  PlaceDescriptor::Grid heights = PlaceDescriptor::Grid::Zero();
+  PlaceDescriptor::Grid brightness = PlaceDescriptor::Grid::Zero();
   PlaceDescriptor::Grid count = PlaceDescriptor::Grid::Zero();
   for (const LevelPoint& cell : cells) {
-    float& height = place.height(cell.ring, cell.sector);
+    float& height = heights(cell.ring, cell.sector);
     height = std::max(height, kOccupied + std::clamp(cell.z - ground, 0.0F, kMaxHeight));
-    place.intensity(cell.ring, cell.sector) += cell.intensity;
+    brightness(cell.ring, cell.sector) += cell.intensity;
     ++count(cell.ring, cell.sector);
   }
   for (int ring = 0; ring < kRings; ++ring) {
     const auto counts = count.row(ring);
     const float occupied = static_cast<float>((counts > 0.0F).count());
-    place.ring_key[ring] = place.height.row(ring).mean() / kMaxHeight;
+    place.ring_key[ring] = heights.row(ring).mean() / kMaxHeight;
     place.ring_key[kRings + ring] = occupied / kSectors;
-    auto intensities = place.intensity.row(ring);
+    auto intensities = brightness.row(ring);
     intensities = (counts > 0.0F).select(intensities / counts.max(1.0F), 0.0F);
     const float mean = occupied > 0.0F ? intensities.sum() / occupied : 0.0F;
     if (mean > 0.0F)
       intensities = (counts > 0.0F).select((intensities / mean - 1.0F).min(1.0F).max(-1.0F), 0.0F);
   }
+  place.height = heights.cast<Eigen::half>();
+  place.intensity = brightness.cast<Eigen::half>();
   return place;
 }
 
 PlaceMatch compare_places(const PlaceDescriptor& a, const PlaceDescriptor& b) {
+  const PlaceDescriptor::Grid height_a = a.height.cast<float>();
+  const PlaceDescriptor::Grid height_b = b.height.cast<float>();
   int best_shift = 0;
   double best = -1.0;
   for (int shift = 0; shift < kSectors; ++shift) {
-    const double similarity = column_similarity(a.height, b.height, shift);
+    const double similarity = column_similarity(height_a, height_b, shift);
     if (similarity <= best) continue;
     best = similarity;
     best_shift = shift;

@@ -56,13 +56,15 @@ std::vector<std::string> needed_files(std::size_t keyframes) {
   return names;
 }
 
-/// Heights and intensities of the descriptors, one after the other; the ring keys follow from them.
+/// Heights and intensities of the descriptors in single precision, one after the other, and the ring keys.
 void write_places(const GlobalOptimizer& global, const fs::path& path) {
   std::ofstream out(path, std::ios::binary);
   for (std::size_t k = 0; k < global.size(); ++k) {
     const PlaceDescriptor& place = global.place(k);
-    for (const PlaceDescriptor::Grid* grid : {&place.height, &place.intensity})
-      out.write(reinterpret_cast<const char*>(grid->data()), sizeof(PlaceDescriptor::Grid));
+    for (const PlaceDescriptor::KeptGrid* kept : {&place.height, &place.intensity}) {
+      const PlaceDescriptor::Grid grid = kept->cast<float>();
+      out.write(reinterpret_cast<const char*>(grid.data()), sizeof(grid));
+    }
     out.write(reinterpret_cast<const char*>(place.ring_key.data()), sizeof(place.ring_key));
   }
   out.close();
@@ -73,8 +75,11 @@ std::vector<PlaceDescriptor> read_places(std::size_t count, const fs::path& path
   std::ifstream in(path, std::ios::binary);
   std::vector<PlaceDescriptor> places(count);
   for (PlaceDescriptor& place : places) {
-    for (PlaceDescriptor::Grid* grid : {&place.height, &place.intensity})
-      in.read(reinterpret_cast<char*>(grid->data()), sizeof(PlaceDescriptor::Grid));
+    for (PlaceDescriptor::KeptGrid* kept : {&place.height, &place.intensity}) {
+      PlaceDescriptor::Grid grid;
+      in.read(reinterpret_cast<char*>(grid.data()), sizeof(grid));
+      *kept = grid.cast<Eigen::half>();
+    }
     in.read(reinterpret_cast<char*>(place.ring_key.data()), sizeof(place.ring_key));
   }
   if (!in || in.peek() != std::ifstream::traits_type::eof())

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include <Eigen/Eigenvalues>
@@ -14,6 +15,7 @@ namespace {
 
 constexpr std::int32_t kNone = -1;
 constexpr std::int64_t kKeyOffset = 1 << 20;  ///< 21 bits a coordinate: +-1 million blocks
+constexpr std::uint32_t kRememberedScans = 600;
 /// The axes are computed again when the points have grown by this share: they change little in between.
 constexpr double kGrowth = 1.25;
 /// A plane is at least this much thinner than wide, and this wide in both directions as a share of the cell.
@@ -209,18 +211,22 @@ const Cell* VoxelMap::find_texture(const Eigen::Vector3d& point) const {
   return find_finest(point, [](const Cell& cell) { return cell.is_textured; });
 }
 
-void VoxelMap::keep_within(const Eigen::Vector3d& center, double radius_m) {
+bool VoxelMap::is_forgotten(const Cell& cell) const {
+  return cell.count < config_.min_points && scans_ - cell.newest_scan > kRememberedScans;
+}
+
+void VoxelMap::tidy(const Eigen::Vector3d& center, double radius_m) {
   const double radius_sq = radius_m * radius_m;
   for (auto entry = blocks_.begin(); entry != blocks_.end();) {
+    // The coarsest cell has the points of all others.
     const Cell& coarsest = cells_[entry->second.cells[0]];
-    if ((coarsest.mean - center).squaredNorm() <= radius_sq) {
-      ++entry;
-      continue;
+    const bool is_left = (coarsest.mean - center).squaredNorm() > radius_sq || is_forgotten(coarsest);
+    for (std::int32_t& index : entry->second.cells) {
+      if (index == kNone || !(is_left || is_forgotten(cells_[index]))) continue;
+      cells_.give_back(index);
+      index = kNone;
     }
-    for (const std::int32_t index : entry->second.cells) {
-      if (index != kNone) cells_.give_back(index);
-    }
-    entry = blocks_.erase(entry);
+    entry = is_left ? blocks_.erase(entry) : std::next(entry);
   }
 }
 

@@ -89,9 +89,31 @@ TEST(VoxelMap, ForgetsWhatIsFarAndReusesItsMemory) {
   insert(plane_points(50, Eigen::Vector3d(0.2, 0.2, 0.2), Eigen::Matrix3d::Identity(), 0.1, 0.01), &map);
   const std::size_t before = map.cell_count();
   insert(plane_points(50, Eigen::Vector3d(100.2, 0.2, 0.2), Eigen::Matrix3d::Identity(), 0.1, 0.01), &map);
-  map.keep_within(Eigen::Vector3d::Zero(), 20.0);
+  map.tidy(Eigen::Vector3d::Zero(), 20.0);
   EXPECT_EQ(map.cell_count(), before);
   EXPECT_EQ(map.find_plane(Eigen::Vector3d(100.2, 0.2, 0.2), false), nullptr);
+}
+
+/// A passing object leaves a few points in many cells; walls that were seen before are still there.
+TEST(VoxelMap, ForgetsCellsThatWereNeverFilledAndKeepsWalls) {
+  VoxelMap map(VoxelMapConfig{});
+  insert(plane_points(50, Eigen::Vector3d(0.2, 0.2, 0.2), Eigen::Matrix3d::Identity(), 0.1, 0.01), &map);
+  const std::size_t wall = map.cell_count();
+  for (int scan = 0; scan < 500; ++scan) {
+    const Eigen::Vector3d passing(0.2 + 0.1 * scan, 3.0, 0.2);
+    map.insert({passing}, {0.5F});
+  }
+  const std::size_t with_traces = map.cell_count();
+  EXPECT_GT(with_traces, wall + 200);
+  map.tidy(Eigen::Vector3d::Zero(), 100.0);
+  EXPECT_EQ(map.cell_count(), with_traces) << "all were met within 600 insertions";
+  for (int scan = 0; scan < 700; ++scan) map.insert({Eigen::Vector3d(-5.0, 3.0, 0.2)}, {0.5F});
+  map.tidy(Eigen::Vector3d::Zero(), 100.0);
+  EXPECT_NE(map.find_plane(Eigen::Vector3d(0.2, 0.2, 0.2), false), nullptr);
+  // Four points in each of the 125 finest cells are too few; those of 63 middle and 32 coarsest cells are
+  // not.
+  EXPECT_LE(map.cell_count(), wall + 63 + 32 + 3);
+  EXPECT_GE(map.cell_count(), wall + 60 + 30);
 }
 
 TEST(VoxelMap, WideSearchFindsTheNeighbouringCell) {

@@ -20,7 +20,9 @@ class KeyIndex {
 
   /// Makes room for `count` keys.
   void reserve(std::size_t count) {
-    while (slots_.size() < 2 * count) grow();
+    std::size_t slots = kLeastSlots;
+    while (slots < 2 * count) slots *= 2;
+    if (slots > slots_.size()) resize(slots);
   }
 
   /// Keys seen.
@@ -43,8 +45,10 @@ class KeyIndex {
     return at;
   }
 
-  void grow() {
-    std::vector<Slot> before(slots_.empty() ? kLeastSlots : 2 * slots_.size());
+  void grow() { resize(slots_.empty() ? kLeastSlots : 2 * slots_.size()); }
+
+  void resize(std::size_t slots) {
+    std::vector<Slot> before(slots);
     before.swap(slots_);
     for (const Slot& slot : before) {
       if (slot.number != kFree) slots_[find(slot.key)] = slot;

@@ -34,6 +34,8 @@ class MapBuilder {
     Eigen::Vector3i cell = Eigen::Vector3i::Zero();
   };
 
+  Voxel* voxel_of(std::uint64_t key, const Eigen::Vector3i& cell);
+
   double voxel_m_;
   KeyIndex index_;
   std::deque<Voxel> voxels_;  ///< in the order in which they were first filled; grows without being copied

@@ -17,9 +17,11 @@ struct PlaceDescriptor {
   static constexpr int kRings = 20;
   static constexpr int kSectors = 60;
   using Grid = Eigen::Array<float, kRings, kSectors>;
+  using KeptGrid = Eigen::Array<Eigen::half, kRings, kSectors>;  ///< each keyframe has one, for good
 
-  Grid height = Grid::Zero();     ///< highest point above the ground [m] plus an offset, 0 where nothing is
-  Grid intensity = Grid::Zero();  ///< mean over the mean of its ring (no range effect) minus 1, in [-1, 1]
+  KeptGrid height = KeptGrid::Zero();     ///< highest point above the ground [m] plus an offset, 0: nothing
+  KeptGrid intensity = KeptGrid::Zero();  ///< mean over the mean of its ring (no range effect) minus 1, in
+                                          ///< [-1, 1]
   Eigen::Array<float, 2 * kRings, 1> ring_key =
       Eigen::Array<float, 2 * kRings, 1>::Zero();  ///< mean height and occupancy of each ring: no azimuth
 };

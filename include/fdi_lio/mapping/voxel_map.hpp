@@ -90,8 +90,10 @@ class VoxelMap {
   /// The finest cell around `point` that has an intensity gradient; nullptr when there is none.
   const Cell* find_texture(const Eigen::Vector3d& point) const;
 
-  /// Forgets blocks that are farther than `radius_m` from `center`.
-  void keep_within(const Eigen::Vector3d& center, double radius_m);
+  /// Forgets blocks that are farther than `radius_m` from `center`, and cells that 600 insertions ago had too
+  /// few points to be used and have got none since: of moving objects, noise and far surfaces there are
+  /// always new ones, and their number would grow with the hours.
+  void tidy(const Eigen::Vector3d& center, double radius_m);
 
   /// Finest cells that hold a point.
   std::vector<const Cell*> finest_cells() const;
@@ -118,6 +120,7 @@ class VoxelMap {
   Key key_of(const Eigen::Vector3d& point) const;
   Cell* cell_at(Block* block, int slot);
   void update_axes(Cell* cell, double size_m) const;
+  bool is_forgotten(const Cell& cell) const;
   template <typename Accept>
   const Cell* find_finest(const Eigen::Vector3d& point, const Accept& accept) const;
 
