@@ -2,7 +2,7 @@
 
 #include <array>
 #include <cstdio>
-#include <fstream>
+#include <limits>
 #include <sstream>
 #include <vector>
 
@@ -22,18 +22,25 @@ std::string header(std::size_t count) {
   return out.str();
 }
 
-std::string map_header(std::size_t count, CloudFormat format) {
+std::string map_header(std::size_t count, CloudFormat format, std::size_t padding) {
+  const std::string spaces(padding, ' ');
   std::ostringstream out;
   if (format == CloudFormat::kPly) {
-    out << "ply\nformat binary_little_endian 1.0\nelement vertex " << count
+    out << "ply\nformat binary_little_endian 1.0\ncomment fdi_lio" << spaces << "\nelement vertex " << count
         << "\nproperty float x\nproperty float y\nproperty float z\nproperty float intensity\nend_header\n";
   } else {
-    out << "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 "
-           "4\nTYPE F F F F\n"
+    out << "# .PCD v0.7 - Point Cloud Data file format" << spaces
+        << "\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\n"
         << "COUNT 1 1 1 1\nWIDTH " << count << "\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS " << count
         << "\nDATA binary\n";
   }
   return out.str();
+}
+
+/// A header as long as that of any other number of points: spaces in a comment fill it up.
+std::string map_header(std::size_t count, CloudFormat format) {
+  const std::size_t longest = map_header(std::numeric_limits<std::size_t>::max(), format, 0).size();
+  return map_header(count, format, longest - map_header(count, format, 0).size());
 }
 
 }  // namespace
@@ -46,19 +53,31 @@ CloudFormat to_cloud_format(const std::string& text) {
 
 const char* to_text(CloudFormat format) { return format == CloudFormat::kPly ? "ply" : "pcd"; }
 
-void write_cloud(const std::string& path, const std::vector<Point>& points, CloudFormat format) {
-  const std::string temporary = path + ".part";
-  std::ofstream out(temporary, std::ios::binary);
-  out << map_header(points.size(), format);
-  for (const Point& point : points) {
-    const std::array<float, 4> record = {point.position.x(), point.position.y(), point.position.z(),
-                                         point.intensity};
-    out.write(reinterpret_cast<const char*>(record.data()), sizeof(record));
-  }
-  out.close();
-  if (!out || std::rename(temporary.c_str(), path.c_str()) != 0) {
-    std::remove(temporary.c_str());
-    throw Error("cannot write the map " + path +
+CloudFile::CloudFile(const std::string& path, CloudFormat format)
+    : path_(path), temporary_(path + ".part"), format_(format), out_(temporary_, std::ios::binary) {
+  out_ << map_header(0, format_);
+}
+
+CloudFile::~CloudFile() {
+  if (!out_.is_open()) return;
+  out_.close();
+  std::remove(temporary_.c_str());
+}
+
+void CloudFile::add(const Point& point) {
+  const std::array<float, 4> record = {point.position.x(), point.position.y(), point.position.z(),
+                                       point.intensity};
+  out_.write(reinterpret_cast<const char*>(record.data()), sizeof(record));
+  ++count_;
+}
+
+void CloudFile::close() {
+  out_.seekp(0);
+  out_ << map_header(count_, format_);
+  out_.close();
+  if (!out_ || std::rename(temporary_.c_str(), path_.c_str()) != 0) {
+    std::remove(temporary_.c_str());
+    throw Error("cannot write the map " + path_ +
                 ": check free space and permission; an earlier file was left as it was");
   }
 }

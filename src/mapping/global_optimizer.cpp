@@ -411,6 +411,10 @@ const PlaceDescriptor& GlobalOptimizer::place(std::size_t keyframe) const {
 }
 double GlobalOptimizer::descriptor_range_m() const { return implementation_->config_.descriptor_range_m; }
 
+std::size_t GlobalOptimizer::cloud_memory_mb() const {
+  return static_cast<std::size_t>(implementation_->config_.cloud_memory_mb);
+}
+
 GraphFile GlobalOptimizer::graph() const {
   return {implementation_->poses_, implementation_->graph_.odometry(), implementation_->graph_.loops()};
 }

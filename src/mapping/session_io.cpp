@@ -13,7 +13,7 @@
 #include "fdi_lio/common/new_file.hpp"
 #include "fdi_lio/evaluation/trajectory_writer.hpp"
 #include "fdi_lio/mapping/cloud_file.hpp"
-#include "fdi_lio/mapping/map_builder.hpp"
+#include "fdi_lio/mapping/map_file.hpp"
 #include "fdi_lio/version.hpp"
 
 namespace fdi_lio::mapping {
@@ -113,22 +113,20 @@ std::vector<std::string> write_clouds(const GlobalOptimizer& global, const Sessi
   struct Layer {
     std::string name;
     std::vector<Point> KeyframeCloud::*points;
-    MapBuilder map;
   };
-  std::vector<Layer> layers = {{"map", &KeyframeCloud::surface, MapBuilder(options.map_voxel_m)}};
+  std::vector<Layer> layers = {{"map", &KeyframeCloud::surface}};
   if (options.layers) {
-    layers.push_back({"map_planes", &KeyframeCloud::planes, MapBuilder(options.map_voxel_m)});
-    layers.push_back({"map_edges", &KeyframeCloud::edges, MapBuilder(options.map_voxel_m)});
+    layers.push_back({"map_planes", &KeyframeCloud::planes});
+    layers.push_back({"map_edges", &KeyframeCloud::edges});
   }
-  for (std::size_t k = 0; k < global.size(); ++k) {
-    const auto cloud = global.cloud(k);
-    for (Layer& layer : layers) layer.map.add((*cloud).*(layer.points), global.T_map_imu(k));
-    write_keyframe_pcd((folder / cloud_name(k)).string(), *cloud);
-  }
+  for (std::size_t k = 0; k < global.size(); ++k)
+    write_keyframe_pcd((folder / cloud_name(k)).string(), *global.cloud(k));
   std::vector<std::string> names;
   for (const Layer& layer : layers) {
     names.push_back(layer.name + "." + to_text(options.map_format));
-    write_cloud((folder / names.back()).string(), layer.map.points(), options.map_format);
+    write_map(map_source(global), layer.points,
+              map_file_settings(global, options.map_voxel_m, options.map_format),
+              (folder / names.back()).string());
   }
   return names;
 }

@@ -6,9 +6,8 @@
 
 #include "fdi_lio/common/config_io.hpp"
 #include "fdi_lio/common/error.hpp"
-#include "fdi_lio/mapping/cloud_file.hpp"
 #include "fdi_lio/mapping/loop_file.hpp"
-#include "fdi_lio/mapping/map_builder.hpp"
+#include "fdi_lio/mapping/map_file.hpp"
 #include "fdi_lio/version.hpp"
 
 namespace fdi_lio::pipeline {
@@ -124,9 +123,9 @@ void RunDirectory::write_global(const mapping::GlobalOptimizer& global, double m
   mapping::write_loops((path_ / "loops.csv").string(), global.loops());
   write_fixes(global);
   write_georeference(global, corrected);
-  mapping::MapBuilder map(map_voxel_m);
-  for (std::size_t k = 0; k < global.size(); ++k) map.add(global.cloud(k)->surface, global.T_map_imu(k));
-  mapping::write_cloud((path_ / "map.pcd").string(), map.points(), mapping::CloudFormat::kPcd);
+  mapping::write_map(mapping::map_source(global), &mapping::KeyframeCloud::surface,
+                     mapping::map_file_settings(global, map_voxel_m, mapping::CloudFormat::kPcd),
+                     (path_ / "map.pcd").string());
 }
 
 void RunDirectory::write_trajectory(const std::string& name,

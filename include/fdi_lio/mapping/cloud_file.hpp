@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -13,9 +15,29 @@ enum class CloudFormat { kPcd, kPly };
 CloudFormat to_cloud_format(const std::string& text);
 const char* to_text(CloudFormat format);
 
-/// Writes x y z intensity (float32, binary, little endian) beside `path` and renames it, so that an earlier
-/// file stays whole until the new one is. Throws Error when the file cannot be written.
-void write_cloud(const std::string& path, const std::vector<Point>& points, CloudFormat format);
+/// A file of points x y z intensity (float32, binary, little endian) whose number is not known before all are
+/// written. It is written beside `path` and renamed by `close`, so that an earlier file stays whole until the
+/// new one is.
+class CloudFile {
+ public:
+  CloudFile(const std::string& path, CloudFormat format);
+  CloudFile(const CloudFile&) = delete;
+  CloudFile& operator=(const CloudFile&) = delete;
+  /// Without `close` before, nothing is left of the file.
+  ~CloudFile();
+
+  void add(const Point& point);
+
+  /// Throws Error when the file, or any point of it, could not be written.
+  void close();
+
+ private:
+  std::string path_;
+  std::string temporary_;
+  CloudFormat format_;
+  std::ofstream out_;
+  std::size_t count_ = 0;
+};
 
 /// Writes a binary PCD with x y z intensity layer (float32): layer 0 surface, 1 planes, 2 edges. Throws Error
 /// when the file cannot be written.
