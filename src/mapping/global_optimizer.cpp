@@ -28,6 +28,9 @@ constexpr double kMinLoopWeight = 0.25;
 /// A loop deviates from a graph that agrees with it by this at most, squared and in standard deviations: the
 /// next loop is searched for from poses that were not corrected by this one.
 constexpr double kAgreeingSq = 0.5;
+/// The more keyframes there are, the longer an optimisation takes and the less a single loop changes: one
+/// keyframe comes between two optimisations for each so many. So the mean cost of a keyframe stays the same.
+constexpr std::size_t kKeyframesOfWait = 200;
 /// How long a loop waits for a second one that agrees.
 constexpr double kConfirmationPathM = 60.0;
 /// Way before the later keyframe whose scans are registered together with it.
@@ -82,6 +85,11 @@ Keyframe make_keyframe(const EstimateResult& estimate, DeskewedScan scan, const 
 
 class GlobalOptimizer::Implementation {
  public:
+  struct GraphLoop {
+    std::size_t candidate;  ///< index in `loops_`
+    std::size_t in_graph;
+  };
+
   Implementation(const Config& config, Reporter* reporter)
       : config_(config.loop),
         reporter_(reporter),
@@ -113,8 +121,11 @@ class GlobalOptimizer::Implementation {
   std::vector<std::size_t> pending_;  ///< indices in `loops_`
   double searched_at_m_ = 0.0;
   GraphMeasurements measurements_;
-  int unsolved_loops_ = 0;  ///< since the last optimisation, which agreed with it
-  double loop_at_m_ = 0.0;  ///< way at the last keyframe with an accepted loop
+  std::size_t solved_at_ = 0;        ///< keyframes at the last optimisation
+  int unsolved_loops_ = 0;           ///< since then
+  bool has_contradiction_ = false;   ///< among them is one that the graph did not agree with
+  std::vector<GraphLoop> unjudged_;  ///< those of them whose verdict it will give
+  double loop_at_m_ = 0.0;           ///< way at the last keyframe with an accepted loop
 
  private:
   double drift_m() const { return config_.drift_share * (frames_.back().path_m - loop_at_m_); }
@@ -128,6 +139,8 @@ class GlobalOptimizer::Implementation {
   void decide(std::size_t index);
   bool agree(const LoopCandidate& a, const LoopCandidate& b) const;
   void accept(const std::vector<std::size_t>& indices);
+  bool may_solve() const { return frames_.size() - solved_at_ >= frames_.size() / kKeyframesOfWait; }
+  void judge(const std::vector<GraphLoop>& loops);
   void expire_pending();
   void use_measurements();
 };
@@ -181,7 +194,7 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
   measurements_.add_gravity(frames_, poses_.back(), keyframe.down_imu, &graph_);
   detector_.add(place, frames_.back().path_m);
   if (config_.enabled && frames_.back().path_m - searched_at_m_ >= config_.spacing_m) search();
-  if (unsolved_loops_ >= config_.solve_every) solve();
+  if ((has_contradiction_ || unsolved_loops_ >= config_.solve_every) && may_solve()) solve();
   use_measurements();
 }
 
@@ -205,7 +218,21 @@ void GlobalOptimizer::Implementation::solve() {
     reporter_->report(Severity::kError, "pose_graph", "the pose graph could not be optimised");
   for (std::size_t k = 0; k < poses_.size(); ++k) poses_[k] = graph_.pose(k);
   measurements_.solved();
+  solved_at_ = frames_.size();
   unsolved_loops_ = 0;
+  has_contradiction_ = false;
+  judge(unjudged_);
+  unjudged_.clear();
+}
+
+/// What the graph makes of loops that it has.
+void GlobalOptimizer::Implementation::judge(const std::vector<GraphLoop>& loops) {
+  for (const GraphLoop& loop : loops) {
+    LoopCandidate& candidate = loops_[loop.candidate];
+    const bool is_followed = graph_.loop_weight(loop.in_graph) >= kMinLoopWeight;
+    candidate.verdict = is_followed ? LoopVerdict::kAccepted : LoopVerdict::kInconsistent;
+    if (is_followed) loop_at_m_ = std::max(loop_at_m_, frames_[candidate.measured.to].path_m);
+  }
 }
 
 void GlobalOptimizer::Implementation::search() {
@@ -214,7 +241,8 @@ void GlobalOptimizer::Implementation::search() {
   for (const LoopProposal& proposal : detector_.propose(poses_, drift_m())) {
     loops_.push_back(examine(proposal));
     decide(loops_.size() - 1);
-    if (loops_.back().verdict == LoopVerdict::kAccepted) break;
+    const bool is_unjudged = !unjudged_.empty() && unjudged_.back().candidate + 1 == loops_.size();
+    if (is_unjudged || loops_.back().verdict == LoopVerdict::kAccepted) break;
   }
 }
 
@@ -292,23 +320,21 @@ void GlobalOptimizer::Implementation::decide(std::size_t index) {
 /// Puts loops into the graph. Those that it does not follow contradict the others. A graph that agrees with
 /// them already waits for more: on a way that is driven again and again nearly every loop says what is known.
 void GlobalOptimizer::Implementation::accept(const std::vector<std::size_t>& indices) {
-  std::vector<std::size_t> in_graph;
   bool agrees = true;
+  std::vector<GraphLoop> added;
   for (const std::size_t index : indices) {
     const RelativePose& measured = loops_[index].measured;
     agrees = agrees && graph_.squared_error(measured) <= kAgreeingSq;
-    in_graph.push_back(graph_.add_loop(measured));
+    added.push_back({index, graph_.add_loop(measured)});
   }
+  unsolved_loops_ += static_cast<int>(indices.size());
   if (agrees) {
-    unsolved_loops_ += static_cast<int>(indices.size());
-  } else {
-    solve();
+    judge(added);
+    return;
   }
-  for (std::size_t k = 0; k < indices.size(); ++k) {
-    const bool is_followed = graph_.loop_weight(in_graph[k]) >= kMinLoopWeight;
-    loops_[indices[k]].verdict = is_followed ? LoopVerdict::kAccepted : LoopVerdict::kInconsistent;
-    if (is_followed) loop_at_m_ = frames_.back().path_m;
-  }
+  has_contradiction_ = true;
+  unjudged_.insert(unjudged_.end(), added.begin(), added.end());
+  if (may_solve()) solve();
 }
 
 /// Whether going round a_from -> a_to -> b_to -> b_from -> a_from leads back, given the odometry's drift
@@ -357,10 +383,14 @@ void GlobalOptimizer::add(Keyframe keyframe) { implementation_->add(std::move(ke
 
 void GlobalOptimizer::add_fix(const GnssFix& fix) { implementation_->measurements_.add_fix(fix); }
 void GlobalOptimizer::add_external(const ExternalPose& pose) { implementation_->add_external(pose); }
-void GlobalOptimizer::finish() {
-  implementation_->clean_clouds(true);
+void GlobalOptimizer::optimise() {
   if (implementation_->measurements_.unsolved() + implementation_->unsolved_loops_ > 0)
     implementation_->solve();
+}
+
+void GlobalOptimizer::finish() {
+  implementation_->clean_clouds(true);
+  optimise();
   if (!implementation_->measurements_.has_external()) return;
   implementation_->reporter_->report(
       Severity::kInfo, "external_scale",

@@ -52,6 +52,11 @@ std::future<void> GlobalWorker::run(std::function<void(const GlobalOptimizer&)> 
   return thread_.push([this, job = std::move(job)] { job(optimizer_); });
 }
 
+std::future<void> GlobalWorker::run_optimised(std::function<void(const GlobalOptimizer&)> job) {
+  add_to_map([this] { optimizer_.optimise(); });
+  return run(std::move(job));
+}
+
 Eigen::Isometry3d GlobalWorker::T_map_odom() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   return T_map_odom_;

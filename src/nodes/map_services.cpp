@@ -26,7 +26,7 @@ void run_in_global_thread(const MapSnapshot& snapshot,
                           std::function<void(const mapping::GlobalOptimizer&)> job) {
   if (!snapshot.global) throw Error("there is no map yet: nothing was saved");
   try {
-    snapshot.global->run(std::move(job)).get();
+    snapshot.global->run_optimised(std::move(job)).get();
   } catch (const std::future_error&) {
     throw Error("the node is ending: nothing was saved");
   }

@@ -58,8 +58,12 @@ class GlobalOptimizer {
   /// Adds a pose of another odometry. It is used when it and the keyframes about it have come.
   void add_external(const ExternalPose& pose);
 
-  /// Optimises what came since the last time, and cleans the clouds that still wait for later keyframes
-  /// (GhostRemover). To be called at the end.
+  /// Takes in the loops and fixes that came since the last optimisation. The more keyframes there are, the
+  /// more of them come by itself between two.
+  void optimise();
+
+  /// `optimise`, and cleans the clouds that still wait for later keyframes (GhostRemover). To be called at
+  /// the end.
   void finish();
 
   /// Where the map lies in ENU; nothing until the fixes have shown it.

@@ -34,6 +34,9 @@ class GlobalWorker {
   /// What the job throws comes out of the future, and std::future_error when the worker ends before.
   std::future<void> run(std::function<void(const GlobalOptimizer&)> job);
 
+  /// `run`, after the graph has taken in all loops and fixes: for what is saved.
+  std::future<void> run_optimised(std::function<void(const GlobalOptimizer&)> job);
+
   /// The newest correction that is known.
   Eigen::Isometry3d T_map_odom() const;
 
