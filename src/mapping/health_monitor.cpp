@@ -13,11 +13,11 @@ constexpr int kLostScans = 50;
 /// The innovation is averaged over about so many scans, each counting for so much at most: a single one may
 /// follow a gap.
 constexpr double kAveragedScans = 50.0;
-constexpr double kMostInnovationSq = 4.0;
-constexpr double kContradictionSq = 0.8;
+constexpr double kMostInnovationSq = 2.5;
+constexpr double kContradictionSq = 0.5;
 /// Of a scan against the map, beyond its covariance.
-constexpr double kMisfitSigmaRotation = 0.5e-3;  ///< [rad]
-constexpr double kMisfitSigmaPosition = 5e-3;    ///< [m]
+constexpr double kMisfitSigmaRotation = 1e-3;  ///< [rad]
+constexpr double kMisfitSigmaPosition = 0.01;    ///< [m]
 /// After a beginning biases and velocity find their values first.
 constexpr int kSettlingScans = 30;
 /// Beyond what consumer IMUs have.
@@ -64,7 +64,7 @@ void HealthMonitor::check_innovation(const Prediction& prediction, const imu::Na
   reporter_->report(Severity::kWarning, "imu_contradiction",
                     "scans and IMU contradict each other (mean squared innovation " +
                         std::to_string(mean_innovation_sq_) +
-                        ", usual below 0.45): check the rotation of sensor.T_imu_lidar, the clocks "
+                        ", usual below 0.2): check the rotation of sensor.T_imu_lidar, the clocks "
                         "(sensor.lidar_time_offset) and the units of the IMU");
 }
 

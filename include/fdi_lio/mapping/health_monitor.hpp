@@ -18,8 +18,8 @@ namespace fdi_lio::mapping {
 ///   run away. What becomes of the map is up to MapCandidate; 50 such scans in a row are reported as lost.
 /// - **Contradiction**: the pose that the IMU predicts and the one that the scan gives are farther apart than
 ///   both say, again and again: e' (P + R)^-1 e, with e the correction, P the covariance of the prediction
-///   and R that of scans that do not quite fit the map (0.5 mrad, 5 mm: beams, edges, the map's own errors),
-///   is above 0.8 on the average over 50 scans. P is cautious, so that it stays below 0.45 while all is well.
+///   and R that of scans that do not quite fit the map (1 mrad, 1 cm: beams, edges, the map's own errors),
+///   is above 0.5 on the average over 50 scans. P is cautious, so that it stays below 0.2 while all is well.
 /// - **Implausible biases**: no sensor in use has them, so something else hides in them.
 class HealthMonitor {
  public:
