@@ -17,7 +17,7 @@ constexpr double kMostInnovationSq = 2.5;
 constexpr double kContradictionSq = 0.5;
 /// Of a scan against the map, beyond its covariance.
 constexpr double kMisfitSigmaRotation = 1e-3;  ///< [rad]
-constexpr double kMisfitSigmaPosition = 0.01;    ///< [m]
+constexpr double kMisfitSigmaPosition = 0.01;  ///< [m]
 /// After a beginning biases and velocity find their values first.
 constexpr int kSettlingScans = 30;
 /// Beyond what consumer IMUs have.
