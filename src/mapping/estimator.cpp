@@ -27,7 +27,7 @@ namespace {
 
 /// The first scans in a map, before a velocity is known well, look farther and iterate longer.
 constexpr int kStartScans = 3;
-constexpr int kScansBeforeVelocity = 2;
+constexpr int kScansBeforeVelocity = 2;  ///< so many are deskewed without one
 constexpr int kStartIterations = 20;
 constexpr double kStartMaxResidual = 1.0;
 

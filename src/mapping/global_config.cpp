@@ -71,8 +71,10 @@ void visit_noise(LoopConfig& c, ParameterVisitor& v) {
              "accepted fixes and steps of another odometry, or loops that agree with the map, between "
              "optimisations"},
             c.solve_every, 1, 10000);
-  v.integer({"loop.cloud_memory", "MB", "keyframe clouds beyond this are kept on disk only"},
-            c.cloud_memory_mb, 1, 1000000);
+  v.integer(
+      {"loop.cloud_memory", "MB",
+       "keyframe clouds beyond this are kept on disk only; maps are written in pieces of about as much"},
+      c.cloud_memory_mb, 1, 1000000);
   v.flag({"loop.save_session", "", "offline_slam also writes OUTPUT/session, with all keyframe clouds"},
          c.save_session);
 }

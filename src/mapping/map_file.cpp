@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 
 #include "fdi_lio/common/key_index.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"

@@ -7,7 +7,7 @@
 
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
-#include "fdi_lio/mapping/global_optimizer.hpp"
+#include "fdi_lio/mapping/keyframe.hpp"
 #include "fdi_lio/mapping/session_map.hpp"
 
 namespace fdi_lio::mapping {

@@ -26,7 +26,8 @@ MapSource map_source(const GlobalOptimizer& global);
 struct MapFileSettings {
   double voxel_m = 0.1;
   CloudFormat format = CloudFormat::kPcd;
-  /// Of the clouds, that the map is built from at a time; each takes about 100 bytes at most.
+  /// Of the clouds, that the map is built from at a time; each takes about 100 bytes at most. A tile is never
+  /// split: however many points it has, its voxels are as many as its surfaces have.
   std::size_t most_points = 5'000'000;
 };
 

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <memory>
+
+#include <Eigen/Geometry>
+
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/common/time.hpp"
+#include "fdi_lio/mapping/estimator.hpp"
+#include "fdi_lio/mapping/keyframe_store.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
+#include "fdi_lio/scan/range_image.hpp"
+
+namespace fdi_lio::mapping {
+
+/// What the odometry gives for one keyframe.
+struct Keyframe {
+  Stamp stamp = 0;
+  Eigen::Isometry3d T_odom_imu = Eigen::Isometry3d::Identity();
+  Matrix6d covariance = Matrix6d::Zero();  ///< of T_odom_imu against the local map, [dtheta, dt (odom)]
+  /// Unit vector towards the centre of the earth in the IMU frame; zero while it is not known. The first of a
+  /// session is used.
+  Eigen::Vector3d down_imu = Eigen::Vector3d::Zero();
+  KeyframeCloud cloud;
+  /// Ranges of the scan, which show where it looked through something; may be empty.
+  std::shared_ptr<const scan::RangeImage> image;
+  /// The first of another session: T_odom_imu is where that is believed to be in the odometry of the one
+  /// before, but no way leads from the keyframe before to this one. Loops make it sure.
+  bool begins_session = false;
+};
+
+/// The keyframe of a scan with its estimate. Points and features are moved from the lidar to the IMU frame;
+/// the surface is thinned to one mean point a voxel.
+Keyframe make_keyframe(const EstimateResult& estimate, DeskewedScan scan, const FeatureSet& features,
+                       const Eigen::Isometry3d& T_imu_lidar, double voxel_m);
+
+}  // namespace fdi_lio::mapping
