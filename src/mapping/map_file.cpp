@@ -5,52 +5,69 @@
 #include <cstdint>
 
 #include "fdi_lio/common/key_index.hpp"
+#include "fdi_lio/common/parallel.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
 
 namespace fdi_lio::mapping {
 
 namespace {
 
-constexpr double kTile = 50.0;              ///< [m]
-constexpr std::size_t kBytesOfPoint = 100;  ///< with its voxel and the place of it in the index
+constexpr double kTile = 50.0;              ///< least side [m]
+constexpr std::size_t kBytesOfPoint = 200;  ///< with its voxel, the place of it in the index, and its mean
 
 /// Numbers the tiles in the order in which they are first met, which is that of the way.
 class Tiles {
  public:
-  explicit Tiles(double voxel_m) : cells_(std::max(1, static_cast<int>(std::ceil(kTile / voxel_m)))) {}
+  explicit Tiles(double voxel_m) {
+    while (std::ldexp(voxel_m, shift_) < kTile) ++shift_;
+  }
 
   std::uint32_t of(const Eigen::Vector3i& cell) {
-    const std::uint64_t key =
-        (static_cast<std::uint64_t>(tile(cell.x())) << 32U) | static_cast<std::uint32_t>(tile(cell.y()));
+    const std::uint64_t key = (static_cast<std::uint64_t>(cell.x() >> shift_) << 32U) |
+                              static_cast<std::uint32_t>(cell.y() >> shift_);
     if (key == last_key_ && index_.size() > 0) return last_;
     last_key_ = key;
     last_ = index_.find_or_add(key);
+    if (last_ == corners_.size())
+      corners_.emplace_back(cell.x() >> shift_ << shift_, cell.y() >> shift_ << shift_, 0);
     return last_;
   }
 
- private:
-  int tile(int cell) const { return cell >= 0 ? cell / cells_ : (cell + 1) / cells_ - 1; }
+  /// Its first voxel.
+  const Eigen::Vector3i& corner(std::uint32_t tile) const { return corners_[tile]; }
 
-  int cells_;  ///< voxels along a side
+ private:
+  int shift_ = 0;  ///< a side has 2^shift voxels
   KeyIndex index_;
+  std::vector<Eigen::Vector3i> corners_;
   std::uint64_t last_key_ = 0;
   std::uint32_t last_ = 0;
 };
 
-/// Which tiles are built together, and from which keyframes.
-struct Plan {
-  std::vector<std::size_t> batch_of_tile;
-  std::vector<std::vector<std::size_t>> keyframes;  ///< of each batch
+/// Tiles that are built together.
+struct Batch {
+  std::uint32_t first = 0;               ///< of its tiles
+  std::vector<std::size_t> begin = {0};  ///< of each tile among the points of the batch, and of the end
+  std::vector<std::size_t> keyframes;    ///< that have points there
+
+  std::size_t tiles() const { return begin.size() - 1; }
+  std::size_t points() const { return begin.back(); }
 };
 
-Plan make_plan(const MapSource& source, std::vector<Point> KeyframeCloud::*layer,
-               const MapFileSettings& settings, Tiles* tiles) {
+/// A point of a tile.
+struct Placed {
+  Eigen::Vector3f position;  ///< from the tile's corner [voxels]
+  float intensity;
+};
+
+std::vector<Batch> make_batches(const MapSource& source, std::vector<Point> KeyframeCloud::*layer,
+                                const MapFileSettings& settings, Tiles* tiles) {
   std::vector<std::size_t> points_of_tile;
   std::vector<std::vector<std::size_t>> keyframes_of_tile;
   for (std::size_t k = 0; k < source.size; ++k) {
     const auto cloud = source.cloud(k);
     for_each_cell((*cloud).*layer, source.T_map_imu(k), settings.voxel_m,
-                  [&](const Point&, const Eigen::Vector3d&, const Eigen::Vector3i& cell) {
+                  [&](const Point&, const Eigen::Vector3f&, const Eigen::Vector3i& cell) {
                     const std::uint32_t tile = tiles->of(cell);
                     if (tile >= points_of_tile.size()) {
                       points_of_tile.resize(tile + 1, 0);
@@ -61,23 +78,39 @@ Plan make_plan(const MapSource& source, std::vector<Point> KeyframeCloud::*layer
                     if (keyframes.empty() || keyframes.back() != k) keyframes.push_back(k);
                   });
   }
-  Plan plan;
-  std::size_t points = settings.most_points;
-  for (std::size_t tile = 0; tile < points_of_tile.size(); ++tile) {
-    if (points + points_of_tile[tile] > settings.most_points) {
-      plan.keyframes.emplace_back();
-      points = 0;
+  std::vector<Batch> batches;
+  for (std::uint32_t tile = 0; tile < points_of_tile.size(); ++tile) {
+    if (batches.empty() || batches.back().points() + points_of_tile[tile] > settings.most_points) {
+      batches.emplace_back();
+      batches.back().first = tile;
     }
-    points += points_of_tile[tile];
-    plan.batch_of_tile.push_back(plan.keyframes.size() - 1);
-    std::vector<std::size_t>& keyframes = plan.keyframes.back();
-    keyframes.insert(keyframes.end(), keyframes_of_tile[tile].begin(), keyframes_of_tile[tile].end());
+    Batch& batch = batches.back();
+    batch.begin.push_back(batch.points() + points_of_tile[tile]);
+    batch.keyframes.insert(batch.keyframes.end(), keyframes_of_tile[tile].begin(),
+                           keyframes_of_tile[tile].end());
   }
-  for (std::vector<std::size_t>& keyframes : plan.keyframes) {
-    std::sort(keyframes.begin(), keyframes.end());
-    keyframes.erase(std::unique(keyframes.begin(), keyframes.end()), keyframes.end());
+  for (Batch& batch : batches) {
+    std::sort(batch.keyframes.begin(), batch.keyframes.end());
+    batch.keyframes.erase(std::unique(batch.keyframes.begin(), batch.keyframes.end()), batch.keyframes.end());
   }
-  return plan;
+  return batches;
+}
+
+/// Puts the points of a batch into `points`, tile after tile, those of a tile in the order of the keyframes.
+void collect(const MapSource& source, std::vector<Point> KeyframeCloud::*layer, double voxel_m,
+             const Batch& batch, Tiles* tiles, std::vector<Placed>* points) {
+  points->resize(batch.points());
+  std::vector<std::size_t> next(batch.begin.begin(), batch.begin.end() - 1);
+  for (const std::size_t k : batch.keyframes) {
+    const auto cloud = source.cloud(k);
+    for_each_cell((*cloud).*layer, source.T_map_imu(k), voxel_m,
+                  [&](const Point& point, const Eigen::Vector3f& offset, const Eigen::Vector3i& cell) {
+                    const std::uint32_t tile = tiles->of(cell);
+                    if (tile < batch.first || tile - batch.first >= batch.tiles()) return;
+                    (*points)[next[tile - batch.first]++] = {
+                        offset + (cell - tiles->corner(tile)).cast<float>(), point.intensity};
+                  });
+  }
 }
 
 }  // namespace
@@ -95,15 +128,22 @@ void write_map(const MapSource& source, std::vector<Point> KeyframeCloud::*layer
                const MapFileSettings& settings, const std::string& path) {
   CloudFile file(path, settings.format);
   Tiles tiles(settings.voxel_m);
-  const Plan plan = make_plan(source, layer, settings, &tiles);
-  for (std::size_t batch = 0; batch < plan.keyframes.size(); ++batch) {
-    MapBuilder map(settings.voxel_m);
-    for (const std::size_t k : plan.keyframes[batch]) {
-      const auto cloud = source.cloud(k);
-      map.add_if((*cloud).*layer, source.T_map_imu(k),
-                 [&](const Eigen::Vector3i& cell) { return plan.batch_of_tile[tiles.of(cell)] == batch; });
+  std::vector<Placed> points;
+  for (const Batch& batch : make_batches(source, layer, settings, &tiles)) {
+    collect(source, layer, settings.voxel_m, batch, &tiles, &points);
+    std::vector<std::vector<Point>> means(batch.tiles());
+    parallel_chunks(batch.tiles(), 1, [&](std::size_t tile, std::size_t, std::size_t) {
+      const Eigen::Vector3i& corner = tiles.corner(batch.first + static_cast<std::uint32_t>(tile));
+      MapBuilder map(settings.voxel_m);
+      for (std::size_t k = batch.begin[tile]; k < batch.begin[tile + 1]; ++k) {
+        const Eigen::Vector3i cell = cell_of(points[k].position);
+        map.add(corner + cell, points[k].position - cell.cast<float>(), points[k].intensity);
+      }
+      means[tile] = map.points();
+    });
+    for (const std::vector<Point>& tile : means) {
+      for (const Point& point : tile) file.add(point);
     }
-    map.for_each([&file](const Point& point) { file.add(point); });
   }
   file.close();
 }

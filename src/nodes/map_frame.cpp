@@ -145,6 +145,7 @@ void MapFrame::begin_anew() {
   blend_.reset();
   display_ = std::make_unique<mapping::MapBuilder>(config_.nodes.global_map_voxel_m);
   findings_.reset();
+  keyframes_.reset();
   // Their threads end below, without the lock, for which they may wait.
   std::shared_ptr<mapping::GlobalWorker> ended_map;
   std::shared_ptr<mapping::LocaliserWorker> ended_localiser;
@@ -203,7 +204,7 @@ void MapFrame::send_transform(Stamp stamp, const Eigen::Isometry3d& T_map_odom) 
 }
 
 void MapFrame::add(const mapping::EstimateResult& estimate, const FeatureSet& features, const Config& known) {
-  known_ = known;
+  if (!keyframes_) keyframes_.emplace(known.sensor.T_imu_lidar(), config_.mapping.output_map_voxel_m);
   const Stamp stamp = estimate.state.stamp;
   const Eigen::Isometry3d T_odom_imu = estimate.state.T_odom_imu();
   if (!localiser_ && !global_ && estimate.is_keyframe) {
@@ -258,8 +259,7 @@ void MapFrame::take_clouds() {
     if (!cloud && clouds_.empty()) return;  // it has yet to come
     if (cloud) {
       mapping::Keyframe keyframe =
-          mapping::make_keyframe(estimate, ros_bridge::to_scan(*cloud), waiting_.front().features,
-                                 known_->sensor.T_imu_lidar(), config_.mapping.output_map_voxel_m);
+          keyframes_->make(estimate, ros_bridge::to_scan(*cloud), waiting_.front().features);
       if (localiser_) {
         localiser_->add(std::move(keyframe));
       } else {

@@ -19,6 +19,7 @@
 #include "fdi_lio/mapping/correction_blend.hpp"
 #include "fdi_lio/mapping/estimator.hpp"
 #include "fdi_lio/mapping/global_worker.hpp"
+#include "fdi_lio/mapping/keyframe.hpp"
 #include "fdi_lio/mapping/localiser_worker.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
 #include "fdi_lio/pipeline/run_directory.hpp"
@@ -81,8 +82,8 @@ class MapFrame {
   Reporter* reporter_;
   mapping::CorrectionBlend blend_;
   std::deque<DeskewedCloudConstPtr> clouds_;
-  std::deque<WaitingScan> waiting_;  ///< for their clouds
-  std::optional<Config> known_;
+  std::deque<WaitingScan> waiting_;                  ///< for their clouds
+  std::optional<mapping::KeyframeMaker> keyframes_;  ///< once the extrinsics are known
   nav_msgs::Path path_;
   std::vector<Point> session_points_;             ///< what is shown of a session
   std::unique_ptr<mapping::MapBuilder> display_;  ///< what is shown of the map

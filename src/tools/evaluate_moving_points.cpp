@@ -91,7 +91,10 @@ std::uint64_t key_of(const Point& point) {
 class Score {
  public:
   Score(const fdi_lio::Config& config, fdi_lio::Reporter* reporter)
-      : config_(config), before_(voxel_m()), map_(config, reporter) {}
+      : config_(config),
+        keyframes_(config.sensor.T_imu_lidar(), voxel_m()),
+        before_(voxel_m()),
+        map_(config, reporter) {}
 
   void expect(fdi_lio::Stamp stamp, std::unordered_map<std::uint64_t, bool> is_moving) {
     expected_[stamp] = std::move(is_moving);
@@ -113,8 +116,7 @@ class Score {
     }
     expected_.erase(expected_.begin(), std::next(entry));
     if (!output.estimate.is_keyframe) return;
-    fdi_lio::mapping::Keyframe keyframe = fdi_lio::mapping::make_keyframe(
-        output.estimate, std::move(output.scan), {}, config_.sensor.T_imu_lidar(), voxel_m());
+    fdi_lio::mapping::Keyframe keyframe = keyframes_.make(output.estimate, std::move(output.scan), {});
     before_.add(keyframe.cloud.surface, keyframe.T_odom_imu);
     map_.add(std::move(keyframe));
   }
@@ -160,6 +162,7 @@ class Score {
   }
 
   fdi_lio::Config config_;
+  fdi_lio::mapping::KeyframeMaker keyframes_;
   fdi_lio::mapping::MapBuilder before_;    ///< of the scans as the filter left them
   fdi_lio::mapping::GlobalOptimizer map_;  ///< what is saved
   std::map<fdi_lio::Stamp, std::unordered_map<std::uint64_t, bool>> expected_;

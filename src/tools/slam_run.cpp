@@ -19,6 +19,7 @@ SlamRun::Part::Part(const Config& settings, const std::string& output, double be
     : config(settings),
       begin_s(begin),
       directory(output, config),
+      keyframes(config.sensor.T_imu_lidar(), config.mapping.output_map_voxel_m),
       global(config, reporter),
       pipeline(
           config, reporter, [this](pipeline::ScanOutput result) { add(std::move(result)); },
@@ -34,8 +35,7 @@ void SlamRun::Part::add(pipeline::ScanOutput output) {
   const bool is_due = localiser && localiser->is_due(state.stamp, state.T_odom_imu());
   if (output.estimate.is_keyframe || is_due) {
     const auto make = [this, output = std::make_shared<pipeline::ScanOutput>(std::move(output))] {
-      return mapping::make_keyframe(output->estimate, std::move(output->scan), output->features,
-                                    config.sensor.T_imu_lidar(), config.mapping.output_map_voxel_m);
+      return keyframes.make(output->estimate, std::move(output->scan), output->features);
     };
     if (localiser) {
       localise(make());

@@ -13,6 +13,7 @@
 #include "fdi_lio/evaluation/stage_times.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/mapping/global_worker.hpp"
+#include "fdi_lio/mapping/keyframe.hpp"
 #include "fdi_lio/mapping/localiser.hpp"
 #include "fdi_lio/pipeline/run_directory.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
@@ -70,6 +71,7 @@ class SlamRun {
     double begin_s;  ///< position in the recording
     std::chrono::steady_clock::time_point began = std::chrono::steady_clock::now();
     pipeline::RunDirectory directory;
+    mapping::KeyframeMaker keyframes;  ///< used by the thread of `global`, else by that of the localiser
     mapping::GlobalWorker global;
     std::unique_ptr<mapping::Localiser> localiser;   ///< in place of `global`
     std::vector<evaluation::StampedPose> localised;  ///< T_map_imu of every scan since the place was found

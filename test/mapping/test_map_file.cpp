@@ -120,6 +120,16 @@ MapSource make_source(std::size_t* loaded) {
   return source;
 }
 
+/// In any order, up to the rounding of places in a tile.
+void expect_same(std::vector<Record> found, std::vector<Record> expected) {
+  std::sort(found.begin(), found.end());
+  std::sort(expected.begin(), expected.end());
+  ASSERT_EQ(found.size(), expected.size());
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    for (std::size_t k = 0; k < found[i].size(); ++k) EXPECT_NEAR(found[i][k], expected[i][k], 1e-4F);
+  }
+}
+
 TEST_F(MapFile, APieceAtATimeItIsTheSameMap) {
   std::size_t loaded = 0;
   const MapSource source = make_source(&loaded);
@@ -133,18 +143,14 @@ TEST_F(MapFile, APieceAtATimeItIsTheSameMap) {
   });
   loaded = 0;
   write_map(source, &KeyframeCloud::surface, settings, path("map.pcd"));
-  EXPECT_EQ(read(path("map.pcd"), "DATA binary").records, expected);
+  expect_same(read(path("map.pcd"), "DATA binary").records, expected);
   EXPECT_EQ(loaded, 2 * source.size);
 
   loaded = 0;
   settings.most_points = 5000;
-  write_map(source, &KeyframeCloud::surface, settings, path("pieces.pcd"));
-  EXPECT_GT(loaded, 3 * source.size);
-  std::vector<Record> pieces = read(path("pieces.pcd"), "DATA binary").records;
-  EXPECT_NE(pieces, expected) << "in the order of the pieces";
-  std::sort(pieces.begin(), pieces.end());
-  std::sort(expected.begin(), expected.end());
-  EXPECT_EQ(pieces, expected);
+  write_map(source, &KeyframeCloud::surface, settings, path("map.pcd"));
+  expect_same(read(path("map.pcd"), "DATA binary").records, expected);
+  EXPECT_GT(loaded, 3 * source.size) << "some of the keyframes for several pieces";
 }
 
 TEST_F(MapFile, WithoutKeyframesItIsEmpty) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -18,11 +19,10 @@ class KeyIndex {
     return slot.number;
   }
 
-  /// Makes room for `count` keys.
-  void reserve(std::size_t count) {
-    std::size_t slots = kLeastSlots;
-    while (slots < 2 * count) slots *= 2;
-    if (slots > slots_.size()) resize(slots);
+  /// Forgets all keys and keeps the memory.
+  void clear() {
+    if (size_ > 0) std::fill(slots_.begin(), slots_.end(), Slot());
+    size_ = 0;
   }
 
   /// Keys seen.

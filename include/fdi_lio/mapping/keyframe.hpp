@@ -8,6 +8,7 @@
 #include "fdi_lio/common/time.hpp"
 #include "fdi_lio/mapping/estimator.hpp"
 #include "fdi_lio/mapping/keyframe_store.hpp"
+#include "fdi_lio/mapping/map_builder.hpp"
 #include "fdi_lio/mapping/pose_tangent.hpp"
 #include "fdi_lio/scan/range_image.hpp"
 
@@ -29,9 +30,19 @@ struct Keyframe {
   bool begins_session = false;
 };
 
-/// The keyframe of a scan with its estimate. Points and features are moved from the lidar to the IMU frame;
-/// the surface is thinned to one mean point a voxel.
-Keyframe make_keyframe(const EstimateResult& estimate, DeskewedScan scan, const FeatureSet& features,
-                       const Eigen::Isometry3d& T_imu_lidar, double voxel_m);
+/// Makes keyframes of scans, one after the other.
+class KeyframeMaker {
+ public:
+  /// The surfaces are thinned to one mean point a voxel of `voxel_m`.
+  KeyframeMaker(const Eigen::Isometry3d& T_imu_lidar, double voxel_m)
+      : T_imu_lidar_(T_imu_lidar), surface_(voxel_m) {}
+
+  /// The keyframe of a scan with its estimate. Points and features are moved from the lidar to the IMU frame.
+  Keyframe make(const EstimateResult& estimate, DeskewedScan scan, const FeatureSet& features);
+
+ private:
+  Eigen::Isometry3d T_imu_lidar_;
+  MapBuilder surface_;  ///< memory of `make`: filling pages anew took half as long as all the rest
+};
 
 }  // namespace fdi_lio::mapping

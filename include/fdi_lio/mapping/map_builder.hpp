@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -12,58 +11,63 @@
 
 namespace fdi_lio::mapping {
 
-/// Calls `use(point, p_map, cell)` for each point, with its place in `map` and the voxel that it lies in.
+/// The voxel that a place lies in; both in voxels.
+inline Eigen::Vector3i cell_of(const Eigen::Vector3f& scaled) {
+  Eigen::Vector3i cell = scaled.cast<int>();  // std::floor is a call on the plainest x86-64
+  for (int axis = 0; axis < 3; ++axis) cell[axis] -= scaled[axis] < static_cast<float>(cell[axis]) ? 1 : 0;
+  return cell;
+}
+
+/// Calls `use(point, offset, cell)` for each point: the voxel that it lies in when moved to `map`, and how
+/// far from the voxel's corner, in voxels.
 template <typename Use>
 void for_each_cell(const std::vector<Point>& points, const Eigen::Isometry3d& T_map, double voxel_m,
                    const Use& use) {
-  const Eigen::Matrix3d R = T_map.rotation();
-  const Eigen::Vector3d t = T_map.translation();
+  // Counted from the voxel of the cloud's origin: so near to it floats are precise enough.
+  const Eigen::Vector3d origin = T_map.translation() / voxel_m;
+  const Eigen::Vector3d origin_corner = origin.array().floor();
+  const Eigen::Vector3i origin_cell = origin_corner.cast<int>();
+  const Eigen::Matrix3f R = (T_map.linear() / voxel_m).cast<float>();
+  const Eigen::Vector3f t = (origin - origin_corner).cast<float>();
   for (const Point& point : points) {
-    const Eigen::Vector3d p_map = R * point.position.cast<double>() + t;
-    const Eigen::Vector3d scaled = p_map / voxel_m;
-    Eigen::Vector3i cell = scaled.cast<int>();  // std::floor is a call on the plainest x86-64
-    for (int axis = 0; axis < 3; ++axis) cell[axis] -= scaled[axis] < cell[axis] ? 1 : 0;
-    use(point, p_map, cell);
+    const Eigen::Vector3f scaled = R * point.position + t;
+    const Eigen::Vector3i cell = cell_of(scaled);
+    use(point, scaled - cell.cast<float>(), origin_cell + cell);
   }
 }
 
 /// A map of keyframe clouds in `map`, one mean point a voxel.
 class MapBuilder {
  public:
-  /// The index makes room for `expected_voxels`.
-  explicit MapBuilder(double voxel_m, std::size_t expected_voxels = 0);
+  explicit MapBuilder(double voxel_m) : voxel_m_(voxel_m) {}
 
   /// Adds the points of one cloud; `T_map` <- the frame that they are given in.
   void add(const std::vector<Point>& points, const Eigen::Isometry3d& T_map) {
-    add_if(points, T_map, [](const Eigen::Vector3i&) { return true; });
-  }
-
-  /// Adds those of the points for whose voxels `accept(cell)` says so.
-  template <typename Accept>
-  void add_if(const std::vector<Point>& points, const Eigen::Isometry3d& T_map, const Accept& accept) {
-    // Points come in the order of the beam: most fall into the voxel of the one before.
-    std::uint64_t last_key = 0;
-    Voxel* last = nullptr;
     for_each_cell(points, T_map, voxel_m_,
-                  [&](const Point& point, const Eigen::Vector3d& p_map, const Eigen::Vector3i& cell) {
-                    if (!accept(cell)) return;
-                    const std::uint64_t key = key_of(cell);
-                    if (last == nullptr || key != last_key) {
-                      last_key = key;
-                      last = voxel_of(key, cell);
-                    }
-                    last->sum += (p_map - voxel_m_ * cell.cast<double>()).cast<float>();
-                    last->intensity_sum += point.intensity;
-                    ++last->count;
+                  [this](const Point& point, const Eigen::Vector3f& offset, const Eigen::Vector3i& cell) {
+                    add(cell, offset, point.intensity);
                   });
   }
 
-  std::size_t size() const { return voxels_.size(); }
+  /// Adds one point: voxel, place in it as `for_each_cell` gives it, intensity.
+  void add(const Eigen::Vector3i& cell, const Eigen::Vector3f& offset, float intensity) {
+    // Points come in the order of the beam: many fall into the voxel of the one before.
+    if (index_.size() == 0 || cell != last_->cell) last_ = voxel_of(cell);
+    last_->sum += offset;
+    last_->intensity_sum += intensity;
+    ++last_->count;
+  }
+
+  std::size_t size() const { return index_.size(); }
+
+  /// Empties the map; what comes next uses its memory.
+  void clear() { index_.clear(); }
 
   /// Calls `use` for one mean point a voxel, in `map`, in the order in which the voxels were first filled.
   template <typename Use>
   void for_each(const Use& use) const {
-    for (const Voxel& voxel : voxels_) use(mean_of(voxel));
+    for (std::uint32_t number = 0; number < size(); ++number)
+      use(mean_of(blocks_[number / kBlock][number % kBlock]));
   }
 
   /// The same points as `for_each` gives.
@@ -71,19 +75,22 @@ class MapBuilder {
 
  private:
   struct Voxel {
-    Eigen::Vector3f sum = Eigen::Vector3f::Zero();  ///< of offsets from the voxel's corner
+    Eigen::Vector3f sum = Eigen::Vector3f::Zero();  ///< of offsets from the corner [voxels]
     float intensity_sum = 0.0F;
     std::uint32_t count = 0;
     Eigen::Vector3i cell = Eigen::Vector3i::Zero();
   };
 
-  static std::uint64_t key_of(const Eigen::Vector3i& cell);
-  Voxel* voxel_of(std::uint64_t key, const Eigen::Vector3i& cell);
+  static constexpr std::size_t kBlock = 4096;
+
+  Voxel* voxel_of(const Eigen::Vector3i& cell);
   Point mean_of(const Voxel& voxel) const;
 
   double voxel_m_;
   KeyIndex index_;
-  std::deque<Voxel> voxels_;  ///< in the order in which they were first filled; grows without being copied
+  /// Voxels in the order in which they were first filled, in blocks: a large map grows without being copied.
+  std::vector<std::vector<Voxel>> blocks_;
+  Voxel* last_ = nullptr;
 };
 
 }  // namespace fdi_lio::mapping
