@@ -1,5 +1,7 @@
 #include "fdi_lio/mapping/local_map.hpp"
 
+#include <tbb/parallel_invoke.h>
+
 #include "fdi_lio/common/so3.hpp"
 
 namespace fdi_lio::mapping {
@@ -58,16 +60,15 @@ void LocalMap::insert(const FeatureSet& features, const Eigen::Isometry3d& T_odo
   ++inserted_;
   T_odom_inserted_ = T_odom_imu;
   const Eigen::Isometry3d T_odom_lidar = T_odom_imu * T_imu_lidar;
-  insert_points(features.planes, T_odom_lidar, &planes_);
-  if (config_.use_edges) insert_points(features.edges, T_odom_lidar, &edges_);
-  if (config_.use_intensity) insert_points(features.intensity_edges, T_odom_lidar, &textures_);
-  trim(T_odom_imu.translation());
-}
-
-void LocalMap::trim(const Eigen::Vector3d& center) {
-  if ((center - trimmed_at_).norm() <= kTrimDistance) return;
-  for (VoxelMap* map : {&planes_, &edges_, &textures_}) map->tidy(center, config_.map_radius_m);
-  trimmed_at_ = center;
+  const bool is_trimmed = (T_odom_imu.translation() - trimmed_at_).norm() > kTrimDistance;
+  if (is_trimmed) trimmed_at_ = T_odom_imu.translation();
+  const auto update = [&](const std::vector<Point>& points, bool is_used, VoxelMap* map) {
+    if (is_used) insert_points(points, T_odom_lidar, map);
+    if (is_trimmed) map->tidy(trimmed_at_, config_.map_radius_m);
+  };
+  tbb::parallel_invoke([&] { update(features.planes, true, &planes_); },
+                       [&] { update(features.edges, config_.use_edges, &edges_); },
+                       [&] { update(features.intensity_edges, config_.use_intensity, &textures_); });
 }
 
 std::vector<Point> LocalMap::points() const {

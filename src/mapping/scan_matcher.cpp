@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <unordered_map>
 
 #include "fdi_lio/common/parallel.hpp"
@@ -293,16 +294,22 @@ std::vector<float> ScanMatcher::trust_planes(const MatchInput& input, const Voxe
                                              const Matrix6d& covariance) const {
   const MatchSettings settings;
   const Residuals residuals(config_, input.origin, q_odom_imu, t_odom_imu, settings);
+  std::vector<std::optional<Residuals::Residual>> found(input.planes.size());
+  parallel_chunks(found.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Eigen::Vector3d& p = input.planes[i];
+      const Cell* cell = plane_map.find_plane(residuals.in_map(p), false);
+      if (cell == nullptr) continue;
+      const Residuals::Residual residual = residuals.distance(p, *cell, 0, 1);
+      if (std::abs(residual.value) <= config_.mapping.max_residual_m) found[i] = residual;
+    }
+  });
   std::unordered_map<std::uint64_t, Patch> patches;
   std::vector<const Patch*> patch_of(input.planes.size(), nullptr);
-  for (std::size_t i = 0; i < input.planes.size(); ++i) {
-    const Eigen::Vector3d& p = input.planes[i];
-    const Cell* cell = plane_map.find_plane(residuals.in_map(p), false);
-    if (cell == nullptr) continue;
-    const Residuals::Residual residual = residuals.distance(p, *cell, 0, 1);
-    if (std::abs(residual.value) > config_.mapping.max_residual_m) continue;
-    Patch& patch = patches[patch_key(p, residual.gradient)];
-    residuals.add_to_patch(p, residual, &patch);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (!found[i]) continue;
+    Patch& patch = patches[patch_key(input.planes[i], found[i]->gradient)];
+    residuals.add_to_patch(input.planes[i], *found[i], &patch);
     patch_of[i] = &patch;
   }
   std::vector<float> trust(input.planes.size(), 1.0F);

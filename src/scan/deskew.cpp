@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "fdi_lio/common/parallel.hpp"
 
@@ -23,15 +24,17 @@ class TransformTable {
     const Eigen::Isometry3d T_lidar_odom = (trajectory.back().T_odom_imu() * T_imu_lidar).inverse();
     rotations_.resize(kBins + 1);
     translations_.resize(kBins + 1);
-    std::size_t next = 1;
-    for (int bin = 0; bin <= kBins; ++bin) {
-      const Stamp stamp = add_seconds(reference, duration_s * (static_cast<double>(bin) / kBins - 1.0));
-      while (next + 1 < trajectory.size() && trajectory[next].stamp < stamp) ++next;
-      const Eigen::Isometry3d T =
-          T_lidar_odom * pose_at(trajectory[next - 1], trajectory[next], stamp) * T_imu_lidar;
-      rotations_[bin] = T.rotation().cast<float>();
-      translations_[bin] = T.translation().cast<float>();
-    }
+    parallel_chunks(rotations_.size(), kBins / 8, [&](std::size_t begin, std::size_t end, std::size_t) {
+      std::size_t next = 1;
+      for (std::size_t bin = begin; bin < end; ++bin) {
+        const Stamp stamp = add_seconds(reference, duration_s * (static_cast<double>(bin) / kBins - 1.0));
+        while (next + 1 < trajectory.size() && trajectory[next].stamp < stamp) ++next;
+        const Eigen::Isometry3d T =
+            T_lidar_odom * pose_at(trajectory[next - 1], trajectory[next], stamp) * T_imu_lidar;
+        rotations_[bin] = T.linear().cast<float>();
+        translations_[bin] = T.translation().cast<float>();
+      }
+    });
   }
 
   const Eigen::Vector3f& sweep_start() const { return translations_.front(); }
@@ -87,14 +90,25 @@ DeskewedScan order_by_ring(const Scan& scan) {
   ordered.stamp = scan.stamp;
   ordered.duration_s = scan.duration_s;
   ordered.has_intensity = scan.has_intensity;
-  ordered.ring_begin.assign(static_cast<std::size_t>(scan.ring_count) + 1, 0);
-  for (const Point& point : scan.points) ++ordered.ring_begin[point.ring + 1U];
-  for (std::size_t ring = 1; ring < ordered.ring_begin.size(); ++ring) {
-    ordered.ring_begin[ring] += ordered.ring_begin[ring - 1];
+  // Each chunk counts its points, and then knows where in each ring they go.
+  const std::size_t rings = scan.ring_count;
+  const std::size_t chunks = (scan.points.size() + kChunk - 1) / kChunk;
+  std::vector<std::uint32_t> places(chunks * rings, 0);
+  parallel_chunks(scan.points.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t chunk) {
+    for (std::size_t i = begin; i < end; ++i) ++places[chunk * rings + scan.points[i].ring];
+  });
+  ordered.ring_begin.assign(rings + 1, 0);
+  std::uint32_t place = 0;
+  for (std::size_t ring = 0; ring < rings; ++ring) {
+    for (std::size_t chunk = 0; chunk < chunks; ++chunk)
+      place += std::exchange(places[chunk * rings + ring], place);
+    ordered.ring_begin[ring + 1] = place;
   }
   ordered.points.resize(scan.points.size());
-  std::vector<std::uint32_t> next(ordered.ring_begin.begin(), ordered.ring_begin.end() - 1);
-  for (const Point& point : scan.points) ordered.points[next[point.ring]++] = point;
+  parallel_chunks(scan.points.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t chunk) {
+    for (std::size_t i = begin; i < end; ++i)
+      ordered.points[places[chunk * rings + scan.points[i].ring]++] = scan.points[i];
+  });
   parallel_chunks(scan.ring_count, 8, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t ring = begin; ring < end; ++ring) {
       sort_ring(ordered.points.begin() + ordered.ring_begin[ring],

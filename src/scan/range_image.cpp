@@ -66,9 +66,10 @@ void RangeImage::choose_columns(const DeskewedScan& scan) {
     const Point& a = scan.points[i];
     const Point& b = scan.points[i + 1];
     if (a.ring != b.ring) continue;
-    const float step =
-        std::abs(fast_atan2(a.position.y(), a.position.x()) - fast_atan2(b.position.y(), b.position.x()));
-    if (step > 0.0F && step < kPi) steps.push_back(step);
+    const auto p = a.position.head<2>();
+    const auto q = b.position.head<2>();
+    const float step = std::abs(fast_atan2(p.x() * q.y() - p.y() * q.x(), p.dot(q)));
+    if (step > 0.0F) steps.push_back(step);
   }
   int wanted = columns_ > 0 ? columns_ : kMinColumns;
   if (!steps.empty()) {

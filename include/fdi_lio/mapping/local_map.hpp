@@ -36,7 +36,6 @@ class LocalMap {
 
  private:
   bool has_moved_on(const Eigen::Isometry3d& T_odom_imu) const;
-  void trim(const Eigen::Vector3d& center);
 
   MappingConfig config_;
   VoxelMap planes_;
