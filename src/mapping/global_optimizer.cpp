@@ -43,12 +43,24 @@ constexpr double kSessionDriftM = 1.0;
 /// The descriptor's place may be so far from the keyframe's.
 constexpr double kDescriptorSigmaM = 3.0;
 constexpr double kDescriptorSigmaRad = 4.0 * kDegree;
+/// What a keyframe takes besides its cloud: 5 KB of descriptor, and in the graph, with its share of what the
+/// solver needs, 9 KB with few loops (`benchmark_pose_graph`) and more than twice as much where most ways are
+/// driven again.
+constexpr std::size_t kBytesOfKeyframe = 28 << 10;
+/// The least share of the memory that is left to the clouds.
+constexpr std::size_t kLeastShare = 10;
 
 PoseGraphSettings graph_settings(const ExternalOdometryConfig& external) {
   PoseGraphSettings settings;
   settings.external_scale_sigma = external.sigma_scale;
   settings.loop_scale_sq = kLoopScaleSq;
   return settings;
+}
+
+/// The longer the way, the fewer clouds have room beside what all keyframes need.
+std::size_t memory_of_clouds(const LoopConfig& config, std::size_t keyframes) {
+  const std::size_t memory = static_cast<std::size_t>(config.cloud_memory_mb) << 20U;
+  return std::max(memory / kLeastShare, memory - std::min(memory, keyframes * kBytesOfKeyframe));
 }
 
 }  // namespace
@@ -65,7 +77,7 @@ class GlobalOptimizer::Implementation {
         reporter_(reporter),
         graph_(graph_settings(config.external_odometry)),
         ghosts_(config.dynamic, config.sensor.T_imu_lidar()),
-        store_(static_cast<std::size_t>(config.loop.cloud_memory_mb) << 20),
+        store_(memory_of_clouds(config.loop, 0)),
         detector_(config.loop),
         verifier_(config),
         measurements_(config, reporter) {}
@@ -140,6 +152,7 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
   const PlaceDescriptor place = describe_place(keyframe.cloud.surface, levelled(keyframe.T_odom_imu.linear()),
                                                config_.descriptor_range_m);
   // First what a full disk may stop: then nothing has changed, and what came before can still be saved.
+  store_.set_memory_limit(memory_of_clouds(config_, frames_.size()));
   store_.add(std::move(keyframe.cloud));
   ghosts_.add(keyframe.T_odom_imu, std::move(keyframe.image), keyframe.begins_session);
   clean_clouds(false);
@@ -411,8 +424,8 @@ const PlaceDescriptor& GlobalOptimizer::place(std::size_t keyframe) const {
 }
 double GlobalOptimizer::descriptor_range_m() const { return implementation_->config_.descriptor_range_m; }
 
-std::size_t GlobalOptimizer::cloud_memory_mb() const {
-  return static_cast<std::size_t>(implementation_->config_.cloud_memory_mb);
+std::size_t GlobalOptimizer::cloud_memory_bytes() const {
+  return implementation_->store_.memory_limit_bytes();
 }
 
 GraphFile GlobalOptimizer::graph() const {

@@ -3,11 +3,8 @@
 namespace fdi_lio::mapping {
 
 MapBuilder::Voxel* MapBuilder::voxel_of(const Eigen::Vector3i& cell) {
-  std::uint64_t key = 0;
-  for (int axis = 0; axis < 3; ++axis)
-    key = (key << 21) | (static_cast<std::uint64_t>(cell[axis]) & 0x1fffff);
   const std::size_t known = index_.size();
-  const std::uint32_t number = index_.find_or_add(key);
+  const std::uint32_t number = index_.find_or_add(key_of(cell));
   if (number / kBlock == blocks_.size()) blocks_.emplace_back(kBlock);
   Voxel& voxel = blocks_[number / kBlock][number % kBlock];
   if (number == known) {

@@ -13,7 +13,12 @@ namespace fdi_lio::mapping {
 namespace {
 
 constexpr double kTile = 50.0;              ///< least side [m]
-constexpr std::size_t kBytesOfPoint = 200;  ///< with its voxel, the place of it in the index, and its mean
+constexpr std::size_t kBytesOfVoxel = 100;  ///< with its place in the index
+constexpr std::size_t kShareOfMemory = 4;   ///< of what the clouds may take, a fourth
+/// Voxels are counted by those whose mixed key begins with so many zeros.
+constexpr int kSampleBits = 6;
+/// Points that wait for their tiles to be built on.
+constexpr std::size_t kMostPending = 1'000'000;
 
 /// Numbers the tiles in the order in which they are first met, which is that of the way.
 class Tiles {
@@ -46,46 +51,56 @@ class Tiles {
 
 /// Tiles that are built together.
 struct Batch {
-  std::uint32_t first = 0;               ///< of its tiles
-  std::vector<std::size_t> begin = {0};  ///< of each tile among the points of the batch, and of the end
-  std::vector<std::size_t> keyframes;    ///< that have points there
-
-  std::size_t tiles() const { return begin.size() - 1; }
-  std::size_t points() const { return begin.back(); }
+  std::uint32_t begin = 0;  ///< of its tiles
+  std::uint32_t end = 0;
+  std::vector<std::size_t> keyframes;  ///< that have points there
 };
 
-/// A point of a tile.
-struct Placed {
-  Eigen::Vector3f position;  ///< from the tile's corner [voxels]
-  float intensity;
+/// Counts the voxels of each tile by a sample of them.
+class VoxelCount {
+ public:
+  void add(std::uint32_t tile, const Eigen::Vector3i& cell) {
+    if (tile >= sampled_.size()) sampled_.resize(tile + 1, 0);
+    const std::uint64_t key = key_of(cell);
+    if ((key * 0xD6E8FEB86659FD93ULL) >> (64 - kSampleBits) != 0) return;
+    const std::size_t known = index_.size();
+    if (index_.find_or_add(key) == known) ++sampled_[tile];
+  }
+
+  std::size_t tiles() const { return sampled_.size(); }
+  std::size_t voxels(std::uint32_t tile) const { return (sampled_[tile] + std::size_t{1}) << kSampleBits; }
+
+ private:
+  KeyIndex index_;
+  std::vector<std::uint32_t> sampled_;
 };
 
 std::vector<Batch> make_batches(const MapSource& source, std::vector<Point> KeyframeCloud::*layer,
                                 const MapFileSettings& settings, Tiles* tiles) {
-  std::vector<std::size_t> points_of_tile;
+  VoxelCount count;
   std::vector<std::vector<std::size_t>> keyframes_of_tile;
   for (std::size_t k = 0; k < source.size; ++k) {
     const auto cloud = source.cloud(k);
     for_each_cell((*cloud).*layer, source.T_map_imu(k), settings.voxel_m,
                   [&](const Point&, const Eigen::Vector3f&, const Eigen::Vector3i& cell) {
                     const std::uint32_t tile = tiles->of(cell);
-                    if (tile >= points_of_tile.size()) {
-                      points_of_tile.resize(tile + 1, 0);
-                      keyframes_of_tile.resize(tile + 1);
-                    }
-                    ++points_of_tile[tile];
+                    count.add(tile, cell);
+                    if (tile >= keyframes_of_tile.size()) keyframes_of_tile.resize(tile + 1);
                     std::vector<std::size_t>& keyframes = keyframes_of_tile[tile];
                     if (keyframes.empty() || keyframes.back() != k) keyframes.push_back(k);
                   });
   }
   std::vector<Batch> batches;
-  for (std::uint32_t tile = 0; tile < points_of_tile.size(); ++tile) {
-    if (batches.empty() || batches.back().points() + points_of_tile[tile] > settings.most_points) {
+  std::size_t voxels = 0;
+  for (std::uint32_t tile = 0; tile < count.tiles(); ++tile) {
+    voxels += count.voxels(tile);
+    if (batches.empty() || voxels > settings.most_voxels) {
       batches.emplace_back();
-      batches.back().first = tile;
+      batches.back().begin = tile;
+      voxels = count.voxels(tile);
     }
     Batch& batch = batches.back();
-    batch.begin.push_back(batch.points() + points_of_tile[tile]);
+    batch.end = tile + 1;
     batch.keyframes.insert(batch.keyframes.end(), keyframes_of_tile[tile].begin(),
                            keyframes_of_tile[tile].end());
   }
@@ -96,21 +111,62 @@ std::vector<Batch> make_batches(const MapSource& source, std::vector<Point> Keyf
   return batches;
 }
 
-/// Puts the points of a batch into `points`, tile after tile, those of a tile in the order of the keyframes.
-void collect(const MapSource& source, std::vector<Point> KeyframeCloud::*layer, double voxel_m,
-             const Batch& batch, Tiles* tiles, std::vector<Placed>* points) {
-  points->resize(batch.points());
-  std::vector<std::size_t> next(batch.begin.begin(), batch.begin.end() - 1);
+/// The map of one tile. Points wait until there are many: then the voxels of the tile are in the processor's
+/// memory while they are filled, which those of a whole scan would not be.
+class Tile {
+ public:
+  Tile(double voxel_m, const Eigen::Vector3i& corner) : corner_(corner), map_(voxel_m) {}
+
+  void add(const Eigen::Vector3i& cell, const Eigen::Vector3f& offset, float intensity) {
+    pending_.push_back({offset + (cell - corner_).cast<float>(), intensity});
+  }
+
+  void build() {
+    for (const Placed& point : pending_) {
+      const Eigen::Vector3i cell = cell_of(point.position);
+      map_.add(corner_ + cell, point.position - cell.cast<float>(), point.intensity);
+    }
+    pending_.clear();
+  }
+
+  const MapBuilder& map() const { return map_; }
+
+ private:
+  struct Placed {
+    Eigen::Vector3f position;  ///< from the corner [voxels]
+    float intensity;
+  };
+
+  Eigen::Vector3i corner_;  ///< the first voxel
+  std::vector<Placed> pending_;
+  MapBuilder map_;
+};
+
+std::vector<Tile> build_tiles(const MapSource& source, std::vector<Point> KeyframeCloud::*layer,
+                              double voxel_m, const Batch& batch, Tiles* numbers) {
+  std::vector<Tile> tiles;
+  for (std::uint32_t tile = batch.begin; tile < batch.end; ++tile)
+    tiles.emplace_back(voxel_m, numbers->corner(tile));
+  const auto build = [&tiles] {
+    parallel_chunks(tiles.size(), 1,
+                    [&tiles](std::size_t tile, std::size_t, std::size_t) { tiles[tile].build(); });
+  };
+  std::size_t pending = 0;
   for (const std::size_t k : batch.keyframes) {
     const auto cloud = source.cloud(k);
     for_each_cell((*cloud).*layer, source.T_map_imu(k), voxel_m,
                   [&](const Point& point, const Eigen::Vector3f& offset, const Eigen::Vector3i& cell) {
-                    const std::uint32_t tile = tiles->of(cell);
-                    if (tile < batch.first || tile - batch.first >= batch.tiles()) return;
-                    (*points)[next[tile - batch.first]++] = {
-                        offset + (cell - tiles->corner(tile)).cast<float>(), point.intensity};
+                    const std::uint32_t tile = numbers->of(cell);
+                    if (tile < batch.begin || tile >= batch.end) return;
+                    tiles[tile - batch.begin].add(cell, offset, point.intensity);
+                    ++pending;
                   });
+    if (pending < kMostPending) continue;
+    build();
+    pending = 0;
   }
+  build();
+  return tiles;
 }
 
 }  // namespace
@@ -121,29 +177,16 @@ MapSource map_source(const GlobalOptimizer& global) {
 }
 
 MapFileSettings map_file_settings(const GlobalOptimizer& global, double voxel_m, CloudFormat format) {
-  return {voxel_m, format, (global.cloud_memory_mb() << 20U) / kBytesOfPoint};
+  return {voxel_m, format, global.cloud_memory_bytes() / kShareOfMemory / kBytesOfVoxel};
 }
 
 void write_map(const MapSource& source, std::vector<Point> KeyframeCloud::*layer,
                const MapFileSettings& settings, const std::string& path) {
   CloudFile file(path, settings.format);
-  Tiles tiles(settings.voxel_m);
-  std::vector<Placed> points;
-  for (const Batch& batch : make_batches(source, layer, settings, &tiles)) {
-    collect(source, layer, settings.voxel_m, batch, &tiles, &points);
-    std::vector<std::vector<Point>> means(batch.tiles());
-    parallel_chunks(batch.tiles(), 1, [&](std::size_t tile, std::size_t, std::size_t) {
-      const Eigen::Vector3i& corner = tiles.corner(batch.first + static_cast<std::uint32_t>(tile));
-      MapBuilder map(settings.voxel_m);
-      for (std::size_t k = batch.begin[tile]; k < batch.begin[tile + 1]; ++k) {
-        const Eigen::Vector3i cell = cell_of(points[k].position);
-        map.add(corner + cell, points[k].position - cell.cast<float>(), points[k].intensity);
-      }
-      means[tile] = map.points();
-    });
-    for (const std::vector<Point>& tile : means) {
-      for (const Point& point : tile) file.add(point);
-    }
+  Tiles numbers(settings.voxel_m);
+  for (const Batch& batch : make_batches(source, layer, settings, &numbers)) {
+    for (const Tile& tile : build_tiles(source, layer, settings.voxel_m, batch, &numbers))
+      tile.map().for_each([&file](const Point& point) { file.add(point); });
   }
   file.close();
 }

@@ -149,9 +149,8 @@ double ring_key_distance(const PlaceDescriptor& a, const PlaceDescriptor& b) {
   return (a.ring_key - b.ring_key).matrix().norm();
 }
 
-std::vector<AlikePlace> most_alike(const std::vector<PlaceDescriptor>& places,
-                                   const std::vector<std::size_t>& candidates, const PlaceDescriptor& query,
-                                   const AlikeSearch& search) {
+std::vector<AlikePlace> most_alike(const Places& places, const std::vector<std::size_t>& candidates,
+                                   const PlaceDescriptor& query, const AlikeSearch& search) {
   std::vector<AlikePlace> scored;
   for (const std::size_t index : candidates)
     scored.push_back({index, {ring_key_distance(places[index], query), 0.0}});

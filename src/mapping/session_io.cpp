@@ -71,9 +71,9 @@ void write_places(const GlobalOptimizer& global, const fs::path& path) {
   if (!out) throw Error("cannot write " + path.string() + ": check free space and permission");
 }
 
-std::vector<PlaceDescriptor> read_places(std::size_t count, const fs::path& path) {
+Places read_places(std::size_t count, const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
-  std::vector<PlaceDescriptor> places(count);
+  Places places(count);
   for (PlaceDescriptor& place : places) {
     for (PlaceDescriptor::KeptGrid* kept : {&place.height, &place.intensity}) {
       PlaceDescriptor::Grid grid;

@@ -295,6 +295,24 @@ TEST(GlobalOptimizer, GravityKeepsTheMapLevel) {
   EXPECT_LT(std::abs(height(0.2)), 0.2 * tilted);
 }
 
+TEST(GlobalOptimizer, CloudsMakeRoomForTheGraph) {
+  const Drive drive(1, 1.3, 0.0);
+  Config config;
+  config.loop.enabled = false;
+  config.loop.cloud_memory_mb = 3;
+  Reporter reporter;
+  GlobalOptimizer global(config, &reporter);
+  const std::size_t whole = std::size_t{3} << 20U;
+  EXPECT_EQ(global.cloud_memory_bytes(), whole);
+  for (const Keyframe& keyframe : drive.keyframes) {
+    const std::size_t graph = 28 * 1024 * global.size();
+    global.add(keyframe);
+    EXPECT_EQ(global.cloud_memory_bytes(), std::max(whole / 10, whole - std::min(whole, graph)));
+  }
+  for (std::size_t k = 0; k < global.size(); ++k)
+    EXPECT_EQ(global.cloud(k)->surface.size(), drive.keyframes[k].cloud.surface.size());
+}
+
 TEST(GlobalOptimizer, NothingIsNoError) {
   Reporter reporter;
   const GlobalOptimizer global(Config(), &reporter);

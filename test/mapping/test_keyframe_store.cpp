@@ -38,6 +38,19 @@ TEST(KeyframeStore, GivesBackWhatWasPagedOut) {
   EXPECT_THROW(store.get(50), std::out_of_range);
 }
 
+TEST(KeyframeStore, ASmallerLimitHoldsFromTheNextCloudOn) {
+  constexpr std::size_t kBytes = 113 * sizeof(Point);
+  KeyframeStore store(8 * kBytes);
+  for (int number = 0; number < 8; ++number) store.add(cloud_of(number));
+  EXPECT_EQ(store.bytes_in_memory(), 8 * kBytes);
+  store.set_memory_limit(2 * kBytes);
+  store.add(cloud_of(8));
+  EXPECT_EQ(store.bytes_in_memory(), 2 * kBytes);
+  for (int number = 0; number < 9; ++number)
+    EXPECT_EQ(store.get(static_cast<std::size_t>(number))->surface[5].position,
+              cloud_of(number).surface[5].position);
+}
+
 TEST(KeyframeStore, AnotherCloudTakesThePlace) {
   constexpr std::size_t kLimit = 3 * 113 * sizeof(Point);
   KeyframeStore store(kLimit);

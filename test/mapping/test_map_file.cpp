@@ -147,7 +147,7 @@ TEST_F(MapFile, APieceAtATimeItIsTheSameMap) {
   EXPECT_EQ(loaded, 2 * source.size);
 
   loaded = 0;
-  settings.most_points = 5000;
+  settings.most_voxels = 3000;
   write_map(source, &KeyframeCloud::surface, settings, path("map.pcd"));
   expect_same(read(path("map.pcd"), "DATA binary").records, expected);
   EXPECT_GT(loaded, 3 * source.size) << "some of the keyframes for several pieces";

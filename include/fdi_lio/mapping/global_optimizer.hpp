@@ -72,8 +72,9 @@ class GlobalOptimizer {
   std::shared_ptr<const KeyframeCloud> cloud(std::size_t keyframe) const;
   const PlaceDescriptor& place(std::size_t keyframe) const;
   double descriptor_range_m() const;
-  /// That the clouds may take, `loop.cloud_memory`.
-  std::size_t cloud_memory_mb() const;
+  /// That the clouds may take: what all keyframes need for the graph and the search leaves of
+  /// `loop.cloud_memory`.
+  std::size_t cloud_memory_bytes() const;
   GraphFile graph() const;
 
  private:

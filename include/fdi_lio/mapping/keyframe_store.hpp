@@ -33,6 +33,10 @@ class KeyframeStore {
   /// Throws Error when the disk takes no more.
   void add(KeyframeCloud cloud);
 
+  /// Another limit, which holds from the next `add`, `get` or `replace` on.
+  void set_memory_limit(std::size_t bytes) { memory_limit_bytes_ = bytes; }
+  std::size_t memory_limit_bytes() const { return memory_limit_bytes_; }
+
   /// The cloud of keyframe `index`, in the order of `add`. Throws Error when it cannot be read back, or when
   /// the disk does not take the one that makes room for it.
   std::shared_ptr<const KeyframeCloud> get(std::size_t index);

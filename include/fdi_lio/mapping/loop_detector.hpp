@@ -40,7 +40,7 @@ class LoopDetector {
                                           std::size_t old_enough) const;
 
   LoopConfig config_;
-  std::vector<PlaceDescriptor> places_;
+  Places places_;
   std::vector<double> paths_m_;
 };
 

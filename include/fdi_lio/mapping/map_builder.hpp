@@ -18,6 +18,14 @@ inline Eigen::Vector3i cell_of(const Eigen::Vector3f& scaled) {
   return cell;
 }
 
+/// One number for a voxel; 21 bits a coordinate.
+inline std::uint64_t key_of(const Eigen::Vector3i& cell) {
+  std::uint64_t key = 0;
+  for (int axis = 0; axis < 3; ++axis)
+    key = (key << 21) | (static_cast<std::uint64_t>(cell[axis]) & 0x1fffff);
+  return key;
+}
+
 /// Calls `use(point, offset, cell)` for each point: the voxel that it lies in when moved to `map`, and how
 /// far from the voxel's corner, in voxels.
 template <typename Use>
@@ -81,7 +89,7 @@ class MapBuilder {
     Eigen::Vector3i cell = Eigen::Vector3i::Zero();
   };
 
-  static constexpr std::size_t kBlock = 4096;
+  static constexpr std::size_t kBlock = 1024;
 
   Voxel* voxel_of(const Eigen::Vector3i& cell);
   Point mean_of(const Voxel& voxel) const;

@@ -26,16 +26,15 @@ MapSource map_source(const GlobalOptimizer& global);
 struct MapFileSettings {
   double voxel_m = 0.1;
   CloudFormat format = CloudFormat::kPcd;
-  /// Of the clouds, that the map is built from at a time; with its share of voxels and means each takes less than 200 bytes. A tile is never
-  /// split: however many points it has, its voxels are as many as its surfaces have.
-  std::size_t most_points = 2'500'000;
+  /// That are built at a time, each taking about 100 bytes. A tile is never split.
+  std::size_t most_voxels = 1'000'000;
 };
 
 /// Settings that keep to `loop.cloud_memory`.
 MapFileSettings map_file_settings(const GlobalOptimizer& global, double voxel_m, CloudFormat format);
 
 /// Writes one layer of the clouds as a map in `map`, one mean point a voxel. Seen from above the map is cut
-/// into tiles of at least 50 m, which are built some at a time, as many as have `most_points`, and one tile
+/// into tiles of at least 50 m, which are built some at a time, as many as have `most_voxels`, and one tile
 /// after the other: the memory does not grow with the way, and the voxels of a tile fit the processor's.
 /// Throws Error when the file cannot be written; an earlier one stays whole until the new one is.
 void write_map(const MapSource& source, std::vector<Point> KeyframeCloud::*layer,

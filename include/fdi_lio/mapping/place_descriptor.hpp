@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <deque>
 #include <functional>
 #include <vector>
 
@@ -25,6 +26,9 @@ struct PlaceDescriptor {
   Eigen::Array<float, 2 * kRings, 1> ring_key =
       Eigen::Array<float, 2 * kRings, 1>::Zero();  ///< mean height and occupancy of each ring: no azimuth
 };
+
+/// Of keyframes. It grows without being copied, which for a long way would take its memory twice.
+using Places = std::deque<PlaceDescriptor>;
 
 /// The descriptor of points in the IMU frame. `R_level_imu` turns them upright.
 PlaceDescriptor describe_place(const std::vector<Point>& points, const Eigen::Matrix3d& R_level_imu,
@@ -57,9 +61,8 @@ struct AlikeSearch {
 };
 
 /// The places most like `query`, the best first.
-std::vector<AlikePlace> most_alike(const std::vector<PlaceDescriptor>& places,
-                                   const std::vector<std::size_t>& candidates, const PlaceDescriptor& query,
-                                   const AlikeSearch& search);
+std::vector<AlikePlace> most_alike(const Places& places, const std::vector<std::size_t>& candidates,
+                                   const PlaceDescriptor& query, const AlikeSearch& search);
 
 /// The rotation without its heading: level frame <- IMU, x of the level frame below x of the IMU.
 Eigen::Matrix3d levelled(const Eigen::Matrix3d& R_odom_imu);

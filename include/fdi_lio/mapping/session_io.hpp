@@ -24,8 +24,8 @@ struct Session {
   std::string path;
   std::vector<SessionKeyframe> keyframes;
   GraphFile graph;
-  double descriptor_range_m = 0.0;      ///< that the descriptors were made with
-  std::vector<PlaceDescriptor> places;  ///< of the keyframes
+  double descriptor_range_m = 0.0;  ///< that the descriptors were made with
+  Places places;                    ///< of the keyframes
 };
 
 /// What a saved session has besides what is needed to go on with it.
