@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 
 #include <Eigen/Eigenvalues>
@@ -13,9 +12,10 @@ namespace fdi_lio::mapping {
 
 namespace {
 
-constexpr std::int32_t kNone = -1;
 constexpr std::int64_t kKeyOffset = 1 << 20;  ///< 21 bits a coordinate: +-1 million blocks
 constexpr std::uint32_t kRememberedScans = 600;
+/// Points that are inserted side by side: memory is asked for before it is needed.
+constexpr std::size_t kGroup = 16;
 /// The axes are computed again when the points have grown by this share: they change little in between.
 constexpr double kGrowth = 1.25;
 /// A plane is at least this much thinner than wide, and this wide in both directions as a share of the cell.
@@ -43,10 +43,10 @@ void add_point(const Eigen::Vector3d& point, float intensity, Cell* cell) {
   cell->cross_scatter += before * intensity_after;
 }
 
-/// Linear regression of the intensity on the two coordinates in the surface.
-void regress_intensity(double least_spread_m, Cell* cell) {
+/// Linear regression of the intensity on the two coordinates in the surface; whether there is a gradient.
+bool regress_intensity(double least_spread_m, Cell* cell) {
   cell->intensity_gradient.setZero();
-  cell->is_textured = false;
+  bool is_textured = false;
   const double freedom = cell->count - 1.0;
   double slopes[3] = {0.0, 0.0, 0.0};
   double left = cell->intensity_scatter;
@@ -62,30 +62,25 @@ void regress_intensity(double least_spread_m, Cell* cell) {
     if (slopes[axis] * slopes[axis] < kGradientSignificance * kGradientSignificance * slope_variance)
       continue;
     cell->intensity_gradient += slopes[axis] * cell->axes.col(axis);
-    cell->is_textured = true;
+    is_textured = true;
   }
+  return is_textured;
+}
+
+/// std::floor is a call on the plainest x86-64.
+std::int64_t floor_of(double value) {
+  const auto cut = static_cast<std::int64_t>(value);
+  return value < static_cast<double>(cut) ? cut - 1 : cut;
 }
 
 }  // namespace
 
-std::int32_t CellPool::take() {
-  if (!free_.empty()) {
-    const std::int32_t index = free_.back();
-    free_.pop_back();
-    (*this)[index] = Cell();
-    return index;
-  }
-  if (used_ == kPiece * pieces_.size()) pieces_.push_back(std::make_unique<Piece>());
-  return static_cast<std::int32_t>(used_++);
-}
-
-std::size_t VoxelMap::KeyHash::operator()(Key key) const {
-  key ^= key >> 31;
-  key *= 0x7fb5d329728ea185ULL;
-  key ^= key >> 27;
-  key *= 0x81dadef4bc2dd44dULL;
-  return static_cast<std::size_t>(key ^ (key >> 33));
-}
+/// A cell whose axes have to be computed again.
+struct VoxelMap::Dirty {
+  std::uint32_t cell;
+  int level;
+  CellReference* reference;
+};
 
 VoxelMap::VoxelMap(const VoxelMapConfig& config)
     : config_(config), block_size_m_(4.0 * config.voxel_size_m) {}
@@ -93,56 +88,70 @@ VoxelMap::VoxelMap(const VoxelMapConfig& config)
 VoxelMap::Key VoxelMap::key_of(const Eigen::Vector3d& point) const {
   Key key = 0;
   for (int axis = 0; axis < 3; ++axis) {
-    const auto index = static_cast<std::int64_t>(std::floor(point[axis] / block_size_m_)) + kKeyOffset;
+    const std::int64_t index = floor_of(point[axis] / block_size_m_) + kKeyOffset;
     key = (key << 21) | (static_cast<Key>(index) & 0x1fffff);
   }
   return key;
 }
 
 VoxelMap::Address VoxelMap::address_of(const Eigen::Vector3d& point) const {
-  Address address{key_of(point), {0, 1, 9}};
+  Address address{0, {0, 1, 9}};
   for (int axis = 0; axis < 3; ++axis) {
     const double scaled = point[axis] / block_size_m_;
-    const int fine = std::clamp(static_cast<int>((scaled - std::floor(scaled)) * 4.0), 0, 3);
+    const std::int64_t index = floor_of(scaled);
+    address.key = (address.key << 21) | (static_cast<Key>(index + kKeyOffset) & 0x1fffff);
+    const int fine = std::clamp(static_cast<int>((scaled - static_cast<double>(index)) * 4.0), 0, 3);
     address.slots[1] += (fine / 2) << axis;
     address.slots[2] += fine << (2 * axis);
   }
   return address;
 }
 
-Cell* VoxelMap::cell_at(Block* block, int slot) {
-  std::int32_t& index = block->cells[slot];
-  if (index == kNone) index = cells_.take();
-  return &cells_[index];
+Eigen::Vector3d VoxelMap::center_of(const Block& block) const {
+  Eigen::Vector3d center;
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto index = static_cast<std::int64_t>((block.key >> (21 * (2 - axis))) & 0x1fffff) - kKeyOffset;
+    center[axis] = (static_cast<double>(index) + 0.5) * block_size_m_;
+  }
+  return center;
+}
+
+VoxelMap::Block* VoxelMap::block_at(Key key) {
+  std::uint32_t number = index_.find(key);
+  if (number == KeyIndex::kNone) {
+    number = index_.find_or_add(key, blocks_.take());
+    blocks_[number].key = key;
+    blocks_[number].tidy_at = scans_ + kRememberedScans + 1;
+  }
+  return &blocks_[number];
 }
 
 void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vector<float>& intensities) {
-  struct Dirty {
-    std::int32_t cell;
-    int level;
-  };
   std::vector<Dirty> dirty;
   ++scans_;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Address address = address_of(points[i]);
-    auto [entry, is_new] = blocks_.try_emplace(address.key);
-    if (is_new) entry->second.cells.fill(kNone);
-    for (const int slot : address.slots) {
-      Cell* cell = cell_at(&entry->second, slot);
-      // Scans count in full cells, too: one that fills early would never have a texture.
-      bool has_enough_scans = false;
-      if (cell->newest_scan != scans_) {
-        cell->newest_scan = scans_;
-        has_enough_scans = ++cell->scans == config_.min_scans && config_.with_texture;
+  std::array<Address, kGroup> addresses;
+  std::array<Block*, kGroup> blocks{};
+  for (std::size_t first = 0; first < points.size(); first += kGroup) {
+    const std::size_t size = std::min(kGroup, points.size() - first);
+    for (std::size_t k = 0; k < size; ++k) {
+      addresses[k] = address_of(points[first + k]);
+      index_.prefetch(addresses[k].key);
+    }
+    for (std::size_t k = 0; k < size; ++k) {
+      blocks[k] = block_at(addresses[k].key);
+      for (const int slot : addresses[k].slots) __builtin_prefetch(&blocks[k]->cells[slot], 1);
+    }
+    for (std::size_t k = 0; k < size; ++k) {
+      for (const int slot : addresses[k].slots) {
+        CellReference& reference = blocks[k]->cells[slot];
+        if (reference.is_empty()) reference.set(cells_.take(), 0);
+        const auto* lines = reinterpret_cast<const char*>(&cells_[reference.cell()]);
+        for (const std::size_t line : {0, 2, 3}) __builtin_prefetch(lines + 64 * line, 1);
       }
-      const bool is_full = cell->count >= config_.max_points;
-      if (is_full && !has_enough_scans) continue;
-      if (!is_full) add_point(points[i], intensities[i], cell);
-      if (cell->count < config_.min_points) continue;
-      if (has_enough_scans || cell->count_at_update == 0 || cell->count >= kGrowth * cell->count_at_update) {
-        cell->count_at_update = cell->count;
-        dirty.push_back({entry->second.cells[slot], level_of(slot)});
-      }
+    }
+    for (std::size_t k = 0; k < size; ++k) {
+      for (const int slot : addresses[k].slots)
+        add(points[first + k], intensities[first + k], slot, &blocks[k]->cells[slot], &dirty);
     }
   }
   // A cell that grew twice in one scan is listed twice: no two threads may share it.
@@ -151,12 +160,32 @@ void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vec
   dirty.erase(std::unique(dirty.begin(), dirty.end(), same_cell), dirty.end());
   parallel_chunks(dirty.size(), 256, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t i = begin; i < end; ++i) {
-      update_axes(&cells_[dirty[i].cell], config_.voxel_size_m * (1 << dirty[i].level));
+      update_axes(config_.voxel_size_m * (1 << dirty[i].level), dirty[i].reference);
     }
   });
 }
 
-void VoxelMap::update_axes(Cell* cell, double size_m) const {
+void VoxelMap::add(const Eigen::Vector3d& point, float intensity, int slot, CellReference* reference,
+                   std::vector<Dirty>* dirty) {
+  Cell* cell = &cells_[reference->cell()];
+  // Scans count in full cells, too: one that fills early would never have a texture.
+  bool has_enough_scans = false;
+  if (cell->newest_scan != scans_) {
+    cell->newest_scan = scans_;
+    has_enough_scans = ++cell->scans == config_.min_scans && config_.with_texture;
+  }
+  const bool is_full = cell->count >= config_.max_points;
+  if (is_full && !has_enough_scans) return;
+  if (!is_full) add_point(point, intensity, cell);
+  if (cell->count < config_.min_points) return;
+  if (has_enough_scans || cell->count_at_update == 0 || cell->count >= kGrowth * cell->count_at_update) {
+    cell->count_at_update = cell->count;
+    dirty->push_back({reference->cell(), level_of(slot), reference});
+  }
+}
+
+void VoxelMap::update_axes(double size_m, CellReference* reference) {
+  Cell* cell = &cells_[reference->cell()];
   const Eigen::Matrix3d scatter = 0.5 * (cell->scatter + cell->scatter.transpose());
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
   solver.computeDirect(scatter / (cell->count - 1.0));
@@ -164,39 +193,45 @@ void VoxelMap::update_axes(Cell* cell, double size_m) const {
   cell->variances = solver.eigenvalues().cwiseMax(0.0);
   const double thickness_sq = config_.max_thickness_m * config_.max_thickness_m;
   const double spread_sq = kMinSpread * kMinSpread * size_m * size_m;
-  cell->is_plane = cell->variances[0] < thickness_sq &&
-                   cell->variances[0] < kMaxFlatness * cell->variances[1] && cell->variances[1] > spread_sq;
-  cell->is_line = cell->variances[1] < thickness_sq &&
-                  cell->variances[1] < kMaxFlatness * cell->variances[2] && cell->variances[2] > spread_sq;
-  if (config_.with_texture && cell->scans >= config_.min_scans && cell->variances[0] < thickness_sq)
-    regress_intensity(kMinSpread * size_m, cell);
+  const bool is_thin = cell->variances[0] < thickness_sq;
+  const bool is_narrow = cell->variances[1] < thickness_sq;
+  const bool is_plane =
+      is_thin && cell->variances[0] < kMaxFlatness * cell->variances[1] && cell->variances[1] > spread_sq;
+  const bool is_line =
+      is_narrow && cell->variances[1] < kMaxFlatness * cell->variances[2] && cell->variances[2] > spread_sq;
+  // In a cell that has become too thick to find another one, the gradient of before stays.
+  bool is_textured = reference->is(CellReference::kTexture);
+  if (config_.with_texture && cell->scans >= config_.min_scans && is_thin)
+    is_textured = regress_intensity(kMinSpread * size_m, cell);
+  reference->set(reference->cell(), (is_plane ? CellReference::kPlane : 0U) |
+                                        (is_line ? CellReference::kLine : 0U) |
+                                        (is_textured ? CellReference::kTexture : 0U));
 }
 
-template <typename Accept>
-const Cell* VoxelMap::find_finest(const Eigen::Vector3d& point, const Accept& accept) const {
+const Cell* VoxelMap::find_finest(const Eigen::Vector3d& point, CellReference::Kind kind) const {
   const Address address = address_of(point);
-  const auto block = blocks_.find(address.key);
-  if (block == blocks_.end()) return nullptr;
+  const std::uint32_t number = index_.find(address.key);
+  if (number == KeyIndex::kNone) return nullptr;
   for (int level = 2; level >= 0; --level) {
-    const std::int32_t index = block->second.cells[address.slots[level]];
-    if (index != kNone && accept(cells_[index])) return &cells_[index];
+    const CellReference reference = blocks_[number].cells[address.slots[level]];
+    if (reference.is(kind)) return &cells_[reference.cell()];
   }
   return nullptr;
 }
 
 const Cell* VoxelMap::find_plane(const Eigen::Vector3d& point, bool wide) const {
-  const Cell* around = find_finest(point, [](const Cell& cell) { return cell.is_plane; });
+  const Cell* around = find_finest(point, CellReference::kPlane);
   if (around != nullptr) return around;
   if (!wide) return nullptr;
   const Cell* nearest = nullptr;
   double nearest_sq = std::numeric_limits<double>::max();
   for (int neighbour = 0; neighbour < 27; ++neighbour) {
     const Eigen::Vector3d offset(neighbour % 3 - 1, neighbour / 3 % 3 - 1, neighbour / 9 - 1);
-    const auto other = blocks_.find(key_of(point + block_size_m_ * offset));
-    if (other == blocks_.end() || other->second.cells[0] == kNone) continue;
-    const Cell& cell = cells_[other->second.cells[0]];
+    const std::uint32_t other = index_.find(key_of(point + block_size_m_ * offset));
+    if (other == KeyIndex::kNone || !blocks_[other].cells[0].is(CellReference::kPlane)) continue;
+    const Cell& cell = cells_[blocks_[other].cells[0].cell()];
     const double distance_sq = (cell.mean - point).squaredNorm();
-    if (!cell.is_plane || distance_sq >= nearest_sq) continue;
+    if (distance_sq >= nearest_sq) continue;
     nearest = &cell;
     nearest_sq = distance_sq;
   }
@@ -204,37 +239,55 @@ const Cell* VoxelMap::find_plane(const Eigen::Vector3d& point, bool wide) const 
 }
 
 const Cell* VoxelMap::find_line(const Eigen::Vector3d& point) const {
-  return find_finest(point, [](const Cell& cell) { return cell.is_line; });
+  return find_finest(point, CellReference::kLine);
 }
 
 const Cell* VoxelMap::find_texture(const Eigen::Vector3d& point) const {
-  return find_finest(point, [](const Cell& cell) { return cell.is_textured; });
+  return find_finest(point, CellReference::kTexture);
 }
 
 bool VoxelMap::is_forgotten(const Cell& cell) const {
   return cell.count < config_.min_points && scans_ - cell.newest_scan > kRememberedScans;
 }
 
+/// By the mean of the points, which is somewhere in the block.
+bool VoxelMap::has_left(const Block& block, const Eigen::Vector3d& center, double radius_m) const {
+  const double distance_m = (center_of(block) - center).norm();
+  if (std::abs(distance_m - radius_m) > block_size_m_) return distance_m > radius_m;
+  return (cells_[block.cells[0].cell()].mean - center).squaredNorm() > radius_m * radius_m;
+}
+
 void VoxelMap::tidy(const Eigen::Vector3d& center, double radius_m) {
-  const double radius_sq = radius_m * radius_m;
-  for (auto entry = blocks_.begin(); entry != blocks_.end();) {
+  for (std::uint32_t number = 0; number < blocks_.end(); ++number) {
+    Block& block = blocks_[number];
+    if (block.cells[0].is_empty()) continue;
+    bool is_left = has_left(block, center, radius_m);
+    if (!is_left && scans_ < block.tidy_at) continue;
     // The coarsest cell has the points of all others.
-    const Cell& coarsest = cells_[entry->second.cells[0]];
-    const bool is_left = (coarsest.mean - center).squaredNorm() > radius_sq || is_forgotten(coarsest);
-    for (std::int32_t& index : entry->second.cells) {
-      if (index == kNone || !(is_left || is_forgotten(cells_[index]))) continue;
-      cells_.give_back(index);
-      index = kNone;
+    is_left = is_left || is_forgotten(cells_[block.cells[0].cell()]);
+    block.tidy_at = scans_ + kRememberedScans + 1;
+    for (CellReference& reference : block.cells) {
+      if (reference.is_empty()) continue;
+      const Cell& cell = cells_[reference.cell()];
+      if (is_left || is_forgotten(cell)) {
+        cells_.give_back(reference.cell());
+        reference = CellReference();
+      } else if (cell.count < config_.min_points) {
+        block.tidy_at = std::min(block.tidy_at, cell.newest_scan + kRememberedScans + 1);
+      }
     }
-    entry = is_left ? blocks_.erase(entry) : std::next(entry);
+    if (!is_left) continue;
+    index_.erase(block.key);
+    blocks_.give_back(number);
   }
 }
 
 std::vector<const Cell*> VoxelMap::finest_cells() const {
   std::vector<const Cell*> cells;
-  for (const auto& entry : blocks_) {
+  for (std::uint32_t number = 0; number < blocks_.end(); ++number) {
     for (int slot = 9; slot < kCellsPerBlock; ++slot) {
-      if (entry.second.cells[slot] != kNone) cells.push_back(&cells_[entry.second.cells[slot]]);
+      const CellReference reference = blocks_[number].cells[slot];
+      if (!reference.is_empty()) cells.push_back(&cells_[reference.cell()]);
     }
   }
   return cells;

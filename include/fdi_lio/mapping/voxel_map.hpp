@@ -4,19 +4,24 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <unordered_map>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "fdi_lio/common/key_index.hpp"
+
 namespace fdi_lio::mapping {
 
-/// Gaussian of the points in one cell, with its principal axes.
-struct Cell {
+/// Gaussian of the points in one cell, with its principal axes. What matching looks at comes first.
+struct alignas(64) Cell {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();    ///< sum of squared deviations from the mean
-  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();   ///< columns, smallest variance first
+  std::uint32_t count = 0;
+  std::uint32_t scans = 0;                              ///< that gave points
+  std::uint32_t newest_scan = 0;                        ///< number of the last of them, counted from 1
+  std::uint32_t count_at_update = 0;                    ///< points that axes and variances were computed from
   Eigen::Vector3d variances = Eigen::Vector3d::Zero();  ///< ascending [m^2]
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();   ///< columns, smallest variance first
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();    ///< sum of squared deviations from the mean
   float mean_intensity = 0.0F;
   double intensity_scatter = 0.0;  ///< sum of squared deviations from the mean intensity
   /// Sum of (position - mean) (intensity - mean intensity).
@@ -25,39 +30,41 @@ struct Cell {
   /// map frame [1/m], and the variance that it leaves. Zero where no gradient stands out from its own error.
   Eigen::Vector3d intensity_gradient = Eigen::Vector3d::Zero();
   double intensity_variance = 0.0;
-  std::uint32_t count = 0;
-  std::uint32_t scans = 0;            ///< that gave points
-  std::uint32_t newest_scan = 0;      ///< number of the last of them, counted from 1
-  std::uint32_t count_at_update = 0;  ///< points that `axes` and `variances` were computed from
-  bool is_plane = false;
-  bool is_line = false;
-  bool is_textured = false;  ///< has an intensity gradient
 };
 
-/// Cells by number, in pieces: growing neither moves those that are there, which takes longer than a scan may
-/// when there are a million, nor keeps room for as many again.
-class CellPool {
+/// Things by number, in pieces: growing neither moves those that are there, which takes longer than a scan
+/// may when there are a million, nor keeps room for as many again.
+template <typename Thing>
+class Pool {
  public:
-  Cell& operator[](std::int32_t index) { return (*pieces_[piece_of(index)])[place_of(index)]; }
-  const Cell& operator[](std::int32_t index) const { return (*pieces_[piece_of(index)])[place_of(index)]; }
+  Thing& operator[](std::uint32_t number) { return (*pieces_[number / kPiece])[number % kPiece]; }
+  const Thing& operator[](std::uint32_t number) const { return (*pieces_[number / kPiece])[number % kPiece]; }
 
-  /// The number of a new cell, or of one that was given back.
-  std::int32_t take();
-  void give_back(std::int32_t index) { free_.push_back(index); }
+  /// The number of a new one, or of one that was given back.
+  std::uint32_t take() {
+    if (!free_.empty()) {
+      const std::uint32_t number = free_.back();
+      free_.pop_back();
+      (*this)[number] = Thing();
+      return number;
+    }
+    if (end_ == kPiece * pieces_.size()) pieces_.push_back(std::make_unique<Piece>());
+    return end_++;
+  }
+  void give_back(std::uint32_t number) { free_.push_back(number); }
 
-  /// Cells that are in use.
-  std::size_t size() const { return used_ - free_.size(); }
+  /// Those in use.
+  std::size_t size() const { return end_ - free_.size(); }
+  /// Above all numbers, those given back included.
+  std::uint32_t end() const { return end_; }
 
  private:
   static constexpr std::size_t kPiece = 4096;
-  using Piece = std::array<Cell, kPiece>;
-
-  static std::size_t piece_of(std::int32_t index) { return static_cast<std::size_t>(index) / kPiece; }
-  static std::size_t place_of(std::int32_t index) { return static_cast<std::size_t>(index) % kPiece; }
+  using Piece = std::array<Thing, kPiece>;
 
   std::vector<std::unique_ptr<Piece>> pieces_;
-  std::size_t used_ = 0;  ///< those given back included
-  std::vector<std::int32_t> free_;
+  std::uint32_t end_ = 0;
+  std::vector<std::uint32_t> free_;
 };
 
 struct VoxelMapConfig {
@@ -99,35 +106,56 @@ class VoxelMap {
   std::vector<const Cell*> finest_cells() const;
 
   std::size_t cell_count() const { return cells_.size(); }
-  bool empty() const { return blocks_.empty(); }
+  bool empty() const { return blocks_.size() == 0; }
 
  private:
   static constexpr int kCellsPerBlock = 1 + 8 + 64;
   using Key = std::uint64_t;
 
-  struct Block {
-    std::array<std::int32_t, kCellsPerBlock> cells;
+  /// A cell with what it can be matched as: most lookups end here, without touching cells that are of no use.
+  class CellReference {
+   public:
+    enum Kind : std::uint32_t { kPlane = 1, kLine = 2, kTexture = 4 };
+
+    bool is_empty() const { return bits_ == kEmpty; }
+    bool is(Kind kind) const { return !is_empty() && (bits_ & kind) != 0; }
+    std::uint32_t cell() const { return bits_ >> kKindBits; }
+    void set(std::uint32_t cell, std::uint32_t kinds) { bits_ = cell << kKindBits | kinds; }
+
+   private:
+    static constexpr std::uint32_t kEmpty = 0xFFFFFFFFU;
+    static constexpr int kKindBits = 3;
+
+    std::uint32_t bits_ = kEmpty;
+  };
+
+  struct alignas(64) Block {
+    Key key = 0;
+    std::uint32_t tidy_at = 0;                        ///< no cell can be forgotten before that insertion
+    std::array<CellReference, kCellsPerBlock> cells;  ///< the first is there unless the block was given back
   };
   struct Address {
     Key key;
     std::array<int, 3> slots;  ///< coarsest, middle, finest
   };
-  struct KeyHash {
-    std::size_t operator()(Key key) const;
-  };
+  struct Dirty;
 
   Address address_of(const Eigen::Vector3d& point) const;
   Key key_of(const Eigen::Vector3d& point) const;
-  Cell* cell_at(Block* block, int slot);
-  void update_axes(Cell* cell, double size_m) const;
+  Eigen::Vector3d center_of(const Block& block) const;
+  Block* block_at(Key key);
+  void add(const Eigen::Vector3d& point, float intensity, int slot, CellReference* reference,
+           std::vector<Dirty>* dirty);
+  void update_axes(double size_m, CellReference* reference);
   bool is_forgotten(const Cell& cell) const;
-  template <typename Accept>
-  const Cell* find_finest(const Eigen::Vector3d& point, const Accept& accept) const;
+  bool has_left(const Block& block, const Eigen::Vector3d& center, double radius_m) const;
+  const Cell* find_finest(const Eigen::Vector3d& point, CellReference::Kind kind) const;
 
   VoxelMapConfig config_;
   double block_size_m_;
-  std::unordered_map<Key, Block, KeyHash> blocks_;
-  CellPool cells_;
+  KeyIndex index_;  ///< of the blocks
+  Pool<Block> blocks_;
+  Pool<Cell> cells_;
   std::uint32_t scans_ = 0;  ///< insertions so far
 };
 
