@@ -13,7 +13,7 @@
 namespace fdi_lio::mapping {
 
 /// Gaussian of the points in one cell, with its principal axes. What matching looks at comes first.
-struct alignas(64) Cell {
+struct Cell {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   std::uint32_t count = 0;
   std::uint32_t scans = 0;                              ///< that gave points
@@ -59,7 +59,7 @@ class Pool {
   std::uint32_t end() const { return end_; }
 
  private:
-  static constexpr std::size_t kPiece = 4096;
+  static constexpr std::size_t kPiece = 1024;
   using Piece = std::array<Thing, kPiece>;
 
   std::vector<std::unique_ptr<Piece>> pieces_;
@@ -129,7 +129,7 @@ class VoxelMap {
     std::uint32_t bits_ = kEmpty;
   };
 
-  struct alignas(64) Block {
+  struct Block {
     Key key = 0;
     std::uint32_t tidy_at = 0;                        ///< no cell can be forgotten before that insertion
     std::array<CellReference, kCellsPerBlock> cells;  ///< the first is there unless the block was given back
