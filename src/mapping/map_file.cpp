@@ -14,7 +14,6 @@ namespace {
 
 constexpr double kTile = 50.0;              ///< least side [m]
 constexpr std::size_t kBytesOfVoxel = 100;  ///< with its place in the index
-constexpr std::size_t kShareOfMemory = 4;   ///< of what the clouds may take, a fourth
 /// Voxels are counted by those whose mixed key begins with so many zeros.
 constexpr int kSampleBits = 6;
 /// Points that wait for their tiles to be built on.
@@ -177,7 +176,11 @@ MapSource map_source(const GlobalOptimizer& global) {
 }
 
 MapFileSettings map_file_settings(const GlobalOptimizer& global, double voxel_m, CloudFormat format) {
-  return {voxel_m, format, global.cloud_memory_bytes() / kShareOfMemory / kBytesOfVoxel};
+  MapFileSettings settings;
+  settings.voxel_m = voxel_m;
+  settings.format = format;
+  settings.most_voxels = std::min(settings.most_voxels, global.cloud_memory_bytes() / kBytesOfVoxel);
+  return settings;
 }
 
 void write_map(const MapSource& source, std::vector<Point> KeyframeCloud::*layer,

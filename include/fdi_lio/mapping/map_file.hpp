@@ -27,10 +27,10 @@ struct MapFileSettings {
   double voxel_m = 0.1;
   CloudFormat format = CloudFormat::kPcd;
   /// That are built at a time, each taking about 100 bytes. A tile is never split.
-  std::size_t most_voxels = 1'000'000;
+  std::size_t most_voxels = 1'250'000;
 };
 
-/// Settings that keep to `loop.cloud_memory`.
+/// Settings that keep to the memory of the clouds.
 MapFileSettings map_file_settings(const GlobalOptimizer& global, double voxel_m, CloudFormat format);
 
 /// Writes one layer of the clouds as a map in `map`, one mean point a voxel. Seen from above the map is cut
