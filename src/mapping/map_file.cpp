@@ -67,7 +67,8 @@ class VoxelCount {
   }
 
   std::size_t tiles() const { return sampled_.size(); }
-  std::size_t voxels(std::uint32_t tile) const { return (sampled_[tile] + std::size_t{1}) << kSampleBits; }
+  /// Rather too many: a tile takes the memory of some hundred voxels anyway.
+  std::size_t voxels(std::uint32_t tile) const { return (sampled_[tile] + std::size_t{8}) << kSampleBits; }
 
  private:
   KeyIndex index_;

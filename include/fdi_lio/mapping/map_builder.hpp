@@ -48,6 +48,11 @@ void for_each_cell(const std::vector<Point>& points, const Eigen::Isometry3d& T_
 class MapBuilder {
  public:
   explicit MapBuilder(double voxel_m) : voxel_m_(voxel_m) {}
+  ~MapBuilder() = default;
+  MapBuilder(const MapBuilder&) = delete;  // `last_` would point into the other
+  MapBuilder& operator=(const MapBuilder&) = delete;
+  MapBuilder(MapBuilder&&) = default;
+  MapBuilder& operator=(MapBuilder&&) = default;
 
   /// Adds the points of one cloud; `T_map` <- the frame that they are given in.
   void add(const std::vector<Point>& points, const Eigen::Isometry3d& T_map) {
@@ -98,7 +103,7 @@ class MapBuilder {
   KeyIndex index_;
   /// Voxels in the order in which they were first filled, in blocks: a large map grows without being copied.
   std::vector<std::vector<Voxel>> blocks_;
-  Voxel* last_ = nullptr;
+  Voxel* last_ = nullptr;  ///< that a point was added to
 };
 
 }  // namespace fdi_lio::mapping
