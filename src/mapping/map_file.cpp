@@ -20,9 +20,9 @@ constexpr int kSampleBits = 6;
 constexpr std::size_t kMostPending = 1'000'000;
 
 /// Numbers the tiles in the order in which they are first met, which is that of the way.
-class Tiles {
+class TileNumbers {
  public:
-  explicit Tiles(double voxel_m) {
+  explicit TileNumbers(double voxel_m) {
     while (std::ldexp(voxel_m, shift_) < kTile) ++shift_;
   }
 
@@ -76,14 +76,14 @@ class VoxelCount {
 };
 
 std::vector<Batch> make_batches(const MapSource& source, std::vector<Point> KeyframeCloud::*layer,
-                                const MapFileSettings& settings, Tiles* tiles) {
+                                const MapFileSettings& settings, TileNumbers* numbers) {
   VoxelCount count;
   std::vector<std::vector<std::size_t>> keyframes_of_tile;
   for (std::size_t k = 0; k < source.size; ++k) {
     const auto cloud = source.cloud(k);
     for_each_cell((*cloud).*layer, source.T_map_imu(k), settings.voxel_m,
                   [&](const Point&, const Eigen::Vector3f&, const Eigen::Vector3i& cell) {
-                    const std::uint32_t tile = tiles->of(cell);
+                    const std::uint32_t tile = numbers->of(cell);
                     count.add(tile, cell);
                     if (tile >= keyframes_of_tile.size()) keyframes_of_tile.resize(tile + 1);
                     std::vector<std::size_t>& keyframes = keyframes_of_tile[tile];
@@ -143,7 +143,7 @@ class Tile {
 };
 
 std::vector<Tile> build_tiles(const MapSource& source, std::vector<Point> KeyframeCloud::*layer,
-                              double voxel_m, const Batch& batch, Tiles* numbers) {
+                              double voxel_m, const Batch& batch, TileNumbers* numbers) {
   std::vector<Tile> tiles;
   for (std::uint32_t tile = batch.begin; tile < batch.end; ++tile)
     tiles.emplace_back(voxel_m, numbers->corner(tile));
@@ -187,7 +187,7 @@ MapFileSettings map_file_settings(const GlobalOptimizer& global, double voxel_m,
 void write_map(const MapSource& source, std::vector<Point> KeyframeCloud::*layer,
                const MapFileSettings& settings, const std::string& path) {
   CloudFile file(path, settings.format);
-  Tiles numbers(settings.voxel_m);
+  TileNumbers numbers(settings.voxel_m);
   for (const Batch& batch : make_batches(source, layer, settings, &numbers)) {
     for (const Tile& tile : build_tiles(source, layer, settings.voxel_m, batch, &numbers))
       tile.map().for_each([&file](const Point& point) { file.add(point); });

@@ -85,15 +85,6 @@ struct VoxelMap::Dirty {
 VoxelMap::VoxelMap(const VoxelMapConfig& config)
     : config_(config), block_size_m_(4.0 * config.voxel_size_m) {}
 
-VoxelMap::Key VoxelMap::key_of(const Eigen::Vector3d& point) const {
-  Key key = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    const std::int64_t index = floor_of(point[axis] / block_size_m_) + kKeyOffset;
-    key = (key << 21) | (static_cast<Key>(index) & 0x1fffff);
-  }
-  return key;
-}
-
 VoxelMap::Address VoxelMap::address_of(const Eigen::Vector3d& point) const {
   Address address{0, {0, 1, 9}};
   for (int axis = 0; axis < 3; ++axis) {
@@ -145,8 +136,10 @@ void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vec
       for (const int slot : addresses[k].slots) {
         CellReference& reference = blocks[k]->cells[slot];
         if (reference.is_empty()) reference.set(cells_.take(), 0);
-        const auto* lines = reinterpret_cast<const char*>(&cells_[reference.cell()]);
-        for (const std::size_t line : {0, 2, 3}) __builtin_prefetch(lines + 64 * line, 1);
+        const Cell& cell = cells_[reference.cell()];
+        __builtin_prefetch(&cell.mean, 1);
+        __builtin_prefetch(&cell.scatter, 1);
+        __builtin_prefetch(&cell.mean_intensity, 1);
       }
     }
     for (std::size_t k = 0; k < size; ++k) {
@@ -227,7 +220,7 @@ const Cell* VoxelMap::find_plane(const Eigen::Vector3d& point, bool wide) const 
   double nearest_sq = std::numeric_limits<double>::max();
   for (int neighbour = 0; neighbour < 27; ++neighbour) {
     const Eigen::Vector3d offset(neighbour % 3 - 1, neighbour / 3 % 3 - 1, neighbour / 9 - 1);
-    const std::uint32_t other = index_.find(key_of(point + block_size_m_ * offset));
+    const std::uint32_t other = index_.find(address_of(point + block_size_m_ * offset).key);
     if (other == KeyIndex::kNone || !blocks_[other].cells[0].is(CellReference::kPlane)) continue;
     const Cell& cell = cells_[blocks_[other].cells[0].cell()];
     const double distance_sq = (cell.mean - point).squaredNorm();

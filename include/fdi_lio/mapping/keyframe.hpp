@@ -42,7 +42,7 @@ class KeyframeMaker {
 
  private:
   Eigen::Isometry3d T_imu_lidar_;
-  MapBuilder surface_;  ///< memory of `make`: filling pages anew took half as long as all the rest
+  MapBuilder surface_;  ///< memory of `make`, which fresh pages would cost a fifth of its time
 };
 
 }  // namespace fdi_lio::mapping

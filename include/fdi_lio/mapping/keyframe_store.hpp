@@ -33,7 +33,7 @@ class KeyframeStore {
   /// Throws Error when the disk takes no more.
   void add(KeyframeCloud cloud);
 
-  /// Another limit, which holds from the next `add`, `get` or `replace` on.
+  /// Another limit, which holds when the next cloud comes into memory.
   void set_memory_limit(std::size_t bytes) { memory_limit_bytes_ = bytes; }
   std::size_t memory_limit_bytes() const { return memory_limit_bytes_; }
 

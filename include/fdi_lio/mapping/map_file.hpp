@@ -26,7 +26,7 @@ MapSource map_source(const GlobalOptimizer& global);
 struct MapFileSettings {
   double voxel_m = 0.1;
   CloudFormat format = CloudFormat::kPcd;
-  /// That are built at a time, each taking about 100 bytes. A tile is never split.
+  /// Voxels that are built at a time, each taking about 100 bytes. A tile is never split.
   std::size_t most_voxels = 1'250'000;
 };
 

@@ -141,7 +141,6 @@ class VoxelMap {
   struct Dirty;
 
   Address address_of(const Eigen::Vector3d& point) const;
-  Key key_of(const Eigen::Vector3d& point) const;
   Eigen::Vector3d center_of(const Block& block) const;
   Block* block_at(Key key);
   void add(const Eigen::Vector3d& point, float intensity, int slot, CellReference* reference,
