@@ -211,6 +211,9 @@ void MappingConfig::visit(ParameterVisitor& v) {
   v.real({"mapping.drift_share", "",
           "factor on the share of a pose's covariance that stays in the map for each feature radius of way"},
          drift_share, 0.0, 1000.0);
+  v.flag({"mapping.estimate_mounting", "",
+          "estimate the error of the rotation of T_imu_lidar, with sensor.mounting_sigma as what is known"},
+         estimate_mounting);
   v.flag({"mapping.calibrate_beams", "", "learn the systematic errors of each beam against the map"},
          calibrate_beams);
   v.real({"mapping.beam_range_sigma", "m", "expected deviation of the beams' range errors"},

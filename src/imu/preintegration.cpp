@@ -217,12 +217,14 @@ CorrectedDelta corrected(const Preintegration& p, const Eigen::Vector3d& gyro_bi
 NavState predict(const NavState& state, const Preintegration& p) {
   const double dt = p.duration_s();
   const CorrectedDelta delta = corrected(p, state.gyro_bias, state.accel_bias);
+  const Eigen::Quaterniond q_pose_imu = so3::exp_q(state.mounting);
+  const Eigen::Quaterniond q_imu = state.q_odom_imu * q_pose_imu;
   NavState next = state;
   next.stamp = p.to;
-  next.q_odom_imu = (state.q_odom_imu * delta.delta_q).normalized();
-  next.v_odom = state.v_odom + dt * state.g_odom + state.q_odom_imu * delta.delta_v;
+  next.q_odom_imu = (q_imu * delta.delta_q * q_pose_imu.conjugate()).normalized();
+  next.v_odom = state.v_odom + dt * state.g_odom + q_imu * delta.delta_v;
   next.t_odom_imu =
-      state.t_odom_imu + dt * state.v_odom + 0.5 * dt * dt * state.g_odom + state.q_odom_imu * delta.delta_p;
+      state.t_odom_imu + dt * state.v_odom + 0.5 * dt * dt * state.g_odom + q_imu * delta.delta_p;
   next.w_imu = p.last_angular_velocity - state.gyro_bias;
   return next;
 }

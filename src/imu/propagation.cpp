@@ -8,14 +8,16 @@ namespace fdi_lio::imu {
 NavState step(const NavState& state, const ImuSample& before, const ImuSample& after) {
   const double dt = seconds_between(state.stamp, after.stamp);
   const Eigen::Vector3d rate = 0.5 * (before.angular_velocity + after.angular_velocity) - state.gyro_bias;
+  const Eigen::Quaterniond q_pose_imu = so3::exp_q(state.mounting);
+  const Eigen::Quaterniond q_imu = state.q_odom_imu * q_pose_imu;
   NavState next = state;
   next.stamp = after.stamp;
-  next.q_odom_imu = (state.q_odom_imu * so3::exp_q(dt * rate)).normalized();
+  next.q_odom_imu = (q_imu * so3::exp_q(dt * rate) * q_pose_imu.conjugate()).normalized();
   next.w_imu = after.angular_velocity - state.gyro_bias;
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();
   if (state.imu_status == ImuStatus::kInitialised) {
     const Eigen::Vector3d force = 0.5 * (before.acceleration + after.acceleration) - state.accel_bias;
-    acceleration = state.q_odom_imu * so3::exp_q(0.5 * dt * rate) * force + state.g_odom;
+    acceleration = q_imu * so3::exp_q(0.5 * dt * rate) * force + state.g_odom;
   }
   next.t_odom_imu += dt * state.v_odom + 0.5 * dt * dt * acceleration;
   next.v_odom += dt * acceleration;
@@ -27,7 +29,8 @@ NavState coast(const NavState& state, Stamp to) {
   NavState next = state;
   next.stamp = to;
   next.t_odom_imu += dt * state.v_odom;
-  next.q_odom_imu = (state.q_odom_imu * so3::exp_q(dt * state.w_imu)).normalized();
+  const Eigen::Vector3d w_pose = so3::exp_q(state.mounting) * state.w_imu;
+  next.q_odom_imu = (state.q_odom_imu * so3::exp_q(dt * w_pose)).normalized();
   return next;
 }
 

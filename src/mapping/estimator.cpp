@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iomanip>
+#include <sstream>
 #include <utility>
 
 #include "fdi_lio/common/so3.hpp"
@@ -30,6 +32,18 @@ constexpr int kStartScans = 3;
 constexpr int kScansBeforeVelocity = 2;  ///< so many are deskewed without one
 constexpr int kStartIterations = 20;
 constexpr double kStartMaxResidual = 1.0;
+constexpr double kUsualMounting = 5.0;  ///< error of the mounting in its standard deviations
+
+/// The prediction by a motion that is not one of an accelerometer, in the axes of the pose.
+imu::NavState without_gravity(const imu::NavState& state, const imu::Preintegration& motion) {
+  imu::NavState from = state;
+  from.g_odom.setZero();
+  from.mounting.setZero();
+  imu::NavState predicted = imu::predict(from, motion);
+  predicted.g_odom = state.g_odom;
+  predicted.mounting = state.mounting;
+  return predicted;
+}
 
 }  // namespace
 
@@ -40,7 +54,8 @@ class Estimator::Implementation {
         reporter_(reporter),
         T_imu_lidar_(config.sensor.T_imu_lidar()),
         matcher_(config),
-        smoother_(config.mapping.window_size, config.sensor.gravity_mps2),
+        smoother_(config.mapping.window_size, config.sensor.gravity_mps2,
+                  config.mapping.estimate_mounting ? config.sensor.mounting_sigma_deg * M_PI / 180.0 : 0.0),
         map_(config.mapping),
         drift_(config.mapping.drift_share),
         health_(reporter),
@@ -71,6 +86,7 @@ class Estimator::Implementation {
                       LidarInformation* information, EstimateResult* result) const;
   void adopt_imu(const std::optional<ImuStart::Found>& found);
   bool decide_keyframe();
+  void report_mounting(const imu::NavState& state);
 
   Config config_;
   Reporter* reporter_;
@@ -132,11 +148,7 @@ void Estimator::Implementation::predict(const FeatureSet& features,
           "no IMU data for the interval before a scan: its motion is predicted by constant velocity");
     }
     const imu::Preintegration motion = imu::constant_velocity(newest, features.stamp, config_.imu);
-    imu::NavState still = newest;
-    still.g_odom.setZero();
-    imu::NavState predicted = imu::predict(still, motion);
-    predicted.g_odom = newest.g_odom;
-    smoother_.add(predicted, motion, false);
+    smoother_.add(without_gravity(newest, motion), motion, false);
     return;
   }
   if (newest.imu_status == imu::ImuStatus::kInitialised) {
@@ -144,10 +156,7 @@ void Estimator::Implementation::predict(const FeatureSet& features,
     return;
   }
   const imu::Preintegration motion = imu::gyro_only(*imu, config_.imu);
-  imu::NavState still = newest;
-  still.g_odom.setZero();
-  imu::NavState predicted = imu::predict(still, motion);
-  predicted.g_odom = newest.g_odom;
+  imu::NavState predicted = without_gravity(newest, motion);
   predicted.imu_status = imu::ImuStatus::kInitialising;
   smoother_.add(predicted, motion, false);
 }
@@ -283,6 +292,19 @@ void Estimator::Implementation::adopt_imu(const std::optional<ImuStart::Found>& 
   imu_start_.reset();
 }
 
+void Estimator::Implementation::report_mounting(const imu::NavState& state) {
+  const double sigma_rad = config_.sensor.mounting_sigma_deg * M_PI / 180.0;
+  if (state.mounting.norm() <= kUsualMounting * sigma_rad) return;
+  const Eigen::Quaterniond q =
+      corrected_rotation(Eigen::Quaterniond(T_imu_lidar_.rotation()), state.mounting);
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(2) << "the rotation of sensor.T_imu_lidar seems to be wrong by "
+       << state.mounting.norm() * 180.0 / M_PI << " deg (sensor.mounting_sigma "
+       << config_.sensor.mounting_sigma_deg << "); scans and IMU fit with rotation: [" << std::setprecision(6)
+       << q.x() << ", " << q.y() << ", " << q.z() << ", " << q.w() << "]";
+  reporter_->report(Severity::kWarning, "mounting", text.str());
+}
+
 bool Estimator::Implementation::decide_keyframe() {
   const Eigen::Isometry3d T = smoother_.newest().T_odom_imu();
   const Eigen::Isometry3d T_keyframe_now = T_odom_keyframe_.inverse() * T;
@@ -343,6 +365,7 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
     }
   }
   result.state = smoother_.newest();
+  report_mounting(result.state);
   const Matrix15d covariance = smoother_.covariance();
   result.map_covariance = covariance.topLeftCorner<6, 6>();
   if (scan_count_ > 0) drift_.advance(before_, result.state, result.map_covariance, radius_m);

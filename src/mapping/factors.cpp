@@ -20,6 +20,8 @@ constexpr int kPosition = 3;
 constexpr int kVelocity = 6;
 constexpr int kGyroBias = 9;
 constexpr int kAccelBias = 12;
+constexpr int kGravity = 0;
+constexpr int kMounting = 3;
 
 using Vector3Map = Eigen::Map<const Eigen::Vector3d>;
 template <int Rows, int Columns>
@@ -27,14 +29,15 @@ using RowMajor = Eigen::Matrix<double, Rows, Columns, Eigen::RowMajor>;
 
 }  // namespace
 
-imu::NavState apply(const imu::NavState& state, const double* delta_state, const double* delta_gravity) {
+imu::NavState apply(const imu::NavState& state, const double* delta_state, const double* delta_shared) {
   imu::NavState moved = state;
   moved.q_odom_imu = (state.q_odom_imu * so3::exp_q(Vector3Map(delta_state + kTheta))).normalized();
   moved.t_odom_imu += Vector3Map(delta_state + kPosition);
   moved.v_odom += Vector3Map(delta_state + kVelocity);
   moved.gyro_bias += Vector3Map(delta_state + kGyroBias);
   moved.accel_bias += Vector3Map(delta_state + kAccelBias);
-  moved.g_odom += Vector3Map(delta_gravity);
+  moved.g_odom += Vector3Map(delta_shared + kGravity);
+  moved.mounting += Vector3Map(delta_shared + kMounting);
   return moved;
 }
 
@@ -53,8 +56,12 @@ MotionCost::MotionCost(const imu::NavState& nominal_i, const imu::NavState& nomi
 }
 
 bool MotionCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
-  const imu::NavState i = apply(nominal_i_, parameters[0], parameters[2]);
-  const imu::NavState j = apply(nominal_j_, parameters[1], parameters[2]);
+  imu::NavState i = apply(nominal_i_, parameters[0], parameters[2]);
+  imu::NavState j = apply(nominal_j_, parameters[1], parameters[2]);
+  const Eigen::Quaterniond q_pose_imu =
+      with_gravity_ ? so3::exp_q(i.mounting) : Eigen::Quaterniond::Identity();
+  i.q_odom_imu = i.q_odom_imu * q_pose_imu;
+  j.q_odom_imu = j.q_odom_imu * q_pose_imu;
   const double dt = preintegration_.duration_s();
   const imu::CorrectedDelta delta = imu::corrected(preintegration_, i.gyro_bias, i.accel_bias);
   const Eigen::Vector3d g = with_gravity_ ? i.g_odom : Eigen::Vector3d::Zero();
@@ -75,13 +82,14 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
 
   const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d jr_inv = so3::right_jacobian_inverse(r_theta);
-  // The block is the perturbation itself: R = R0 Exp(dtheta), whose derivative away from zero carries
-  // Jr(dtheta).
-  const Eigen::Matrix3d jr_i = so3::right_jacobian(Vector3Map(parameters[0]));
-  const Eigen::Matrix3d jr_j = so3::right_jacobian(Vector3Map(parameters[1]));
+  // The block is the perturbation itself: R = R0 Exp(dtheta) Exp(mounting), whose derivative away from zero
+  // carries Jr(dtheta), turned into the axes of the IMU.
+  const Eigen::Matrix3d R_imu_pose = q_pose_imu.toRotationMatrix().transpose();
+  const Eigen::Matrix3d jr_i = R_imu_pose * so3::right_jacobian(Vector3Map(parameters[0]));
+  const Eigen::Matrix3d jr_j = R_imu_pose * so3::right_jacobian(Vector3Map(parameters[1]));
+  const Eigen::Matrix3d Rj_T_Ri = (j.q_odom_imu.conjugate() * i.q_odom_imu).toRotationMatrix();
   if (jacobians[0] != nullptr) {
     Matrix15d J = Matrix15d::Zero();
-    const Eigen::Matrix3d Rj_T_Ri = (j.q_odom_imu.conjugate() * i.q_odom_imu).toRotationMatrix();
     const Eigen::Vector3d bias_turn = preintegration_.dq_dbg * (i.gyro_bias - preintegration_.gyro_bias);
     J.block<3, 3>(kTheta, kTheta) = -jr_inv * Rj_T_Ri * jr_i;
     J.block<3, 3>(kTheta, kGyroBias) =
@@ -109,12 +117,16 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
     Eigen::Map<RowMajor<15, 15>>{jacobians[1]} = sqrt_information_ * J;
   }
   if (jacobians[2] != nullptr) {
-    Eigen::Matrix<double, 15, 3> J = Eigen::Matrix<double, 15, 3>::Zero();
+    Eigen::Matrix<double, 15, kSharedSize> J = Eigen::Matrix<double, 15, kSharedSize>::Zero();
     if (with_gravity_) {
-      J.block<3, 3>(kPosition, 0) = -0.5 * dt * dt * Ri_T;
-      J.block<3, 3>(kVelocity, 0) = -dt * Ri_T;
+      const Eigen::Matrix3d jr_mounting = so3::right_jacobian(i.mounting);
+      J.block<3, 3>(kPosition, kGravity) = -0.5 * dt * dt * Ri_T;
+      J.block<3, 3>(kVelocity, kGravity) = -dt * Ri_T;
+      J.block<3, 3>(kTheta, kMounting) = jr_inv * (I - Rj_T_Ri) * jr_mounting;
+      J.block<3, 3>(kPosition, kMounting) = so3::hat(dp) * jr_mounting;
+      J.block<3, 3>(kVelocity, kMounting) = so3::hat(dv) * jr_mounting;
     }
-    Eigen::Map<RowMajor<15, 3>>{jacobians[2]} = sqrt_information_ * J;
+    Eigen::Map<RowMajor<15, kSharedSize>>{jacobians[2]} = sqrt_information_ * J;
   }
   return true;
 }
@@ -150,14 +162,15 @@ PriorCost::PriorCost(const imu::NavState& nominal, const StatePrior& prior)
 bool PriorCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   const imu::NavState state = apply(nominal_, parameters[0], parameters[1]);
   const imu::NavState& origin = prior_.linearisation;
-  Vector18d d;
+  PriorVector d;
   d.segment<3>(kTheta) = so3::log(Eigen::Quaterniond(origin.q_odom_imu.conjugate() * state.q_odom_imu));
   d.segment<3>(kPosition) = state.t_odom_imu - origin.t_odom_imu;
   d.segment<3>(kVelocity) = state.v_odom - origin.v_odom;
   d.segment<3>(kGyroBias) = state.gyro_bias - origin.gyro_bias;
   d.segment<3>(kAccelBias) = state.accel_bias - origin.accel_bias;
-  d.segment<3>(kStateSize) = state.g_odom - origin.g_odom;
-  Eigen::Map<Vector18d>{residuals} = prior_.sqrt_information * d + prior_.offset;
+  d.segment<3>(kStateSize + kGravity) = state.g_odom - origin.g_odom;
+  d.segment<3>(kStateSize + kMounting) = state.mounting - origin.mounting;
+  Eigen::Map<PriorVector>{residuals} = prior_.sqrt_information * d + prior_.offset;
   if (jacobians == nullptr) return true;
   if (jacobians[0] != nullptr) {
     Eigen::Matrix<double, kPriorSize, kStateSize> J = Eigen::Matrix<double, kPriorSize, kStateSize>::Zero();
@@ -167,8 +180,8 @@ bool PriorCost::Evaluate(double const* const* parameters, double* residuals, dou
     Eigen::Map<RowMajor<kPriorSize, kStateSize>>{jacobians[0]} = prior_.sqrt_information * J;
   }
   if (jacobians[1] != nullptr) {
-    Eigen::Map<RowMajor<kPriorSize, kGravitySize>>{jacobians[1]} =
-        prior_.sqrt_information.rightCols<kGravitySize>();
+    Eigen::Map<RowMajor<kPriorSize, kSharedSize>>{jacobians[1]} =
+        prior_.sqrt_information.rightCols<kSharedSize>();
   }
   return true;
 }
@@ -177,10 +190,12 @@ GravityNormCost::GravityNormCost(const imu::NavState& nominal, double magnitude_
     : g_odom_(nominal.g_odom), magnitude_(magnitude_mps2) {}
 
 bool GravityNormCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
-  const Eigen::Vector3d g = g_odom_ + Vector3Map(parameters[0]);
+  const Eigen::Vector3d g = g_odom_ + Vector3Map(parameters[0] + kGravity);
   residuals[0] = (g.norm() - magnitude_) / kGravitySigma;
   if (jacobians != nullptr && jacobians[0] != nullptr) {
-    Eigen::Map<RowMajor<1, 3>>{jacobians[0]} = g.normalized().transpose() / kGravitySigma;
+    Eigen::Matrix<double, 1, kSharedSize> J = Eigen::Matrix<double, 1, kSharedSize>::Zero();
+    J.segment<3>(kGravity) = g.normalized().transpose() / kGravitySigma;
+    Eigen::Map<RowMajor<1, kSharedSize>>{jacobians[0]} = J;
   }
   return true;
 }

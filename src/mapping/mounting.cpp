@@ -13,4 +13,9 @@ Matrix6d mounting_covariance(const Eigen::Isometry3d& T_odom_first, const Eigen:
   return sigma_rad * sigma_rad * J * J.transpose();
 }
 
+Eigen::Quaterniond corrected_rotation(const Eigen::Quaterniond& q_imu_lidar,
+                                      const Eigen::Vector3d& mounting) {
+  return (so3::exp_q(mounting).conjugate() * q_imu_lidar).normalized();
+}
+
 }  // namespace fdi_lio::mapping

@@ -9,10 +9,14 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
+#include "fdi_lio/common/so3.hpp"
+
 namespace fdi_lio::mapping {
 
 namespace {
 
+/// Standard deviation of a mounting that is taken as stated [rad].
+constexpr double kKnownMounting = 1e-6;
 constexpr int kMaxIterations = 3;  ///< the association is renewed outside, so that few inner steps suffice
 
 Eigen::MatrixXd to_dense(const ceres::CRSMatrix& sparse) {
@@ -40,13 +44,13 @@ class Smoother::Problem {
       : problem_(problem_options()), states_(count, Vector15d::Zero()) {
     const std::deque<Entry>& window = smoother.window_;
     for (Vector15d& state : states_) problem_.AddParameterBlock(state.data(), kStateSize);
-    problem_.AddParameterBlock(gravity_.data(), kGravitySize);
+    problem_.AddParameterBlock(shared_.data(), kSharedSize);
     problem_.AddResidualBlock(new PriorCost(window[0].state, smoother.prior_), nullptr, states_[0].data(),
-                              gravity_.data());
+                              shared_.data());
     for (std::size_t k = 1; k < count; ++k) {
       problem_.AddResidualBlock(
           new MotionCost(window[k - 1].state, window[k].state, window[k].motion, window[k].with_gravity),
-          nullptr, states_[k - 1].data(), states_[k].data(), gravity_.data());
+          nullptr, states_[k - 1].data(), states_[k].data(), shared_.data());
     }
     for (std::size_t k = 0; k < lidar_count; ++k) {
       if (!window[k].lidar) continue;
@@ -55,7 +59,7 @@ class Smoother::Problem {
   }
 
   void hold_gravity_norm(const imu::NavState& state, double magnitude) {
-    problem_.AddResidualBlock(new GravityNormCost(state, magnitude), nullptr, gravity_.data());
+    problem_.AddResidualBlock(new GravityNormCost(state, magnitude), nullptr, shared_.data());
   }
 
   bool solve() {
@@ -73,11 +77,11 @@ class Smoother::Problem {
     return summary.IsSolutionUsable();
   }
 
-  /// Normal equations at zero perturbation, ordered by state and then gravity.
+  /// Normal equations at zero perturbation, ordered by state and then what they share.
   void normal_equations(Eigen::MatrixXd* H, Eigen::VectorXd* b) {
     ceres::Problem::EvaluateOptions options;
     for (Vector15d& state : states_) options.parameter_blocks.push_back(state.data());
-    options.parameter_blocks.push_back(gravity_.data());
+    options.parameter_blocks.push_back(shared_.data());
     std::vector<double> residuals;
     ceres::CRSMatrix jacobian;
     problem_.Evaluate(options, nullptr, &residuals, nullptr, &jacobian);
@@ -88,16 +92,18 @@ class Smoother::Problem {
   }
 
   const Vector15d& state(std::size_t k) const { return states_[k]; }
-  const Eigen::Vector3d& gravity() const { return gravity_; }
+  const Vector6d& shared() const { return shared_; }
 
  private:
   ceres::Problem problem_;
   std::vector<Vector15d> states_;
-  Eigen::Vector3d gravity_ = Eigen::Vector3d::Zero();
+  Vector6d shared_ = Vector6d::Zero();
 };
 
-Smoother::Smoother(int window_size, double gravity_mps2)
-    : window_size_(window_size), gravity_mps2_(gravity_mps2) {}
+Smoother::Smoother(int window_size, double gravity_mps2, double mounting_sigma_rad)
+    : window_size_(window_size),
+      gravity_mps2_(gravity_mps2),
+      mounting_sigma_rad_(std::max(mounting_sigma_rad, kKnownMounting)) {}
 
 void Smoother::start(const imu::NavState& state, const InitialSigma& sigma) {
   window_.clear();
@@ -105,15 +111,18 @@ void Smoother::start(const imu::NavState& state, const InitialSigma& sigma) {
   window_.back().state = state;
   prior_ = StatePrior();
   prior_.linearisation = state;
-  const double sigmas[] = {sigma.theta,     sigma.position,   sigma.velocity,
-                           sigma.gyro_bias, sigma.accel_bias, sigma.gravity};
+  const double sigmas[] = {sigma.theta,      sigma.position, sigma.velocity,     sigma.gyro_bias,
+                           sigma.accel_bias, sigma.gravity,  mounting_sigma_rad_};
   Eigen::MatrixXd H = Eigen::MatrixXd::Zero(kPriorSize, kPriorSize);
   for (int k = 0; k < kPriorSize; ++k) H(k, k) = 1.0 / (sigmas[k / 3] * sigmas[k / 3]);
   if (sigma.rest_acceleration > 0.0) {
-    // Measured at rest: a = b_a - R' g.
+    // Measured at rest in the axes of the IMU: a = b_a - Exp(mounting)' R' g.
+    const Eigen::Quaterniond q_odom_imu = state.q_odom_imu * so3::exp_q(state.mounting);
     Eigen::Matrix<double, 3, kPriorSize> J = Eigen::Matrix<double, 3, kPriorSize>::Zero();
     J.block<3, 3>(0, 12).setIdentity();
-    J.rightCols<kGravitySize>() = -state.q_odom_imu.toRotationMatrix().transpose();
+    J.block<3, 3>(0, kStateSize) = -q_odom_imu.toRotationMatrix().transpose();
+    J.block<3, 3>(0, kStateSize + 3) =
+        -so3::hat(q_odom_imu.conjugate() * state.g_odom) * so3::right_jacobian(state.mounting);
     H += J.transpose() * J / (sigma.rest_acceleration * sigma.rest_acceleration);
   }
   Eigen::MatrixXd A;
@@ -142,7 +151,7 @@ bool Smoother::solve() {
     if (!problem.state(k).allFinite()) return false;
   }
   for (std::size_t k = 0; k < window_.size(); ++k) {
-    window_[k].state = apply(window_[k].state, problem.state(k).data(), problem.gravity().data());
+    window_[k].state = apply(window_[k].state, problem.state(k).data(), problem.shared().data());
   }
   return true;
 }
@@ -167,7 +176,7 @@ Matrix15d Smoother::covariance() const {
 }
 
 /// Schur complement of the oldest state in the factors that touch it: what is known of the next state and of
-/// gravity.
+/// what all share.
 void Smoother::marginalise_oldest() {
   if (window_.size() < 2) {
     return;

@@ -150,6 +150,7 @@ EstimatorStatePtr to_state_message(const mapping::EstimateResult& estimate, Stam
   message->velocity = to_message(state.v_odom);
   message->gyro_bias = to_message(state.gyro_bias);
   message->accel_bias = to_message(state.accel_bias);
+  message->mounting = to_message(state.mounting);
   message->gravity = to_message(state.g_odom);
   message->angular_velocity = to_message(state.w_imu);
   message->imu_status = static_cast<std::uint8_t>(state.imu_status);
@@ -166,6 +167,7 @@ imu::NavState to_state(const EstimatorState& message) {
   state.v_odom = to_vector(message.velocity);
   state.gyro_bias = to_vector(message.gyro_bias);
   state.accel_bias = to_vector(message.accel_bias);
+  state.mounting = to_vector(message.mounting);
   state.g_odom = to_vector(message.gravity);
   state.w_imu = to_vector(message.angular_velocity);
   state.imu_status = static_cast<imu::ImuStatus>(message.imu_status);

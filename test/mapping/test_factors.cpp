@@ -67,7 +67,7 @@ class Factors : public testing::Test {
 TEST_F(Factors, MotionJacobiansAreNumericAwayFromZero) {
   for (const bool with_gravity : {true, false}) {
     const MotionCost cost(motion_.state(0.5), motion_.state(0.6), preintegration(), with_gravity);
-    expect_jacobians_are_numeric(cost, {random(15, 0.05), random(15, 0.05), random(3, 0.1)}, 2e-4);
+    expect_jacobians_are_numeric(cost, {random(15, 0.05), random(15, 0.05), random(6, 0.1)}, 2e-4);
   }
 }
 
@@ -82,6 +82,35 @@ TEST_F(Factors, MotionResidualIsZeroOnTheTrueMotion) {
   Eigen::VectorXd residuals(15);
   cost.Evaluate(parameters, residuals.data(), nullptr);
   EXPECT_LT(residuals.norm(), 0.02);  // in standard deviations
+}
+
+TEST_F(Factors, MotionResidualIsZeroWhenTheMountingIsThatOfTheImu) {
+  const Eigen::Vector3d mounting(0.3, -0.2, 0.5);
+  const Eigen::Matrix3d R_imu_pose = so3::exp(mounting).transpose();
+  auto samples = motion_.samples(0.5, 0.6, 2000.0);
+  for (imu::ImuSample& sample : samples) {
+    sample.angular_velocity = R_imu_pose * sample.angular_velocity;
+    sample.acceleration = R_imu_pose * sample.acceleration;
+  }
+  const auto p =
+      imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
+                        Eigen::Vector3d::Zero(), imu::ImuNoise(), ImuConfig());
+  const MotionCost cost(motion_.state(0.5), motion_.state(0.6), p, true);
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(15);
+  Eigen::VectorXd shared = Eigen::VectorXd::Zero(6);
+  shared.tail<3>() = mounting;
+  const double* parameters[] = {zero.data(), zero.data(), shared.data()};
+  Eigen::VectorXd residuals(15);
+  cost.Evaluate(parameters, residuals.data(), nullptr);
+  EXPECT_LT(residuals.norm(), 0.02);  // in standard deviations
+  // imu::predict() goes the same way.
+  imu::NavState from = motion_.state(0.5);
+  from.mounting = mounting;
+  const imu::NavState predicted = imu::predict(from, p);
+  const imu::NavState truth = motion_.state(0.6);
+  EXPECT_LT((predicted.t_odom_imu - truth.t_odom_imu).norm(), 1e-5);
+  EXPECT_LT((predicted.v_odom - truth.v_odom).norm(), 1e-5);
+  EXPECT_LT(predicted.q_odom_imu.angularDistance(truth.q_odom_imu), 1e-6);
 }
 
 TEST_F(Factors, LidarJacobianIsNumericAndCostIsTheQuadraticModel) {
@@ -111,13 +140,13 @@ TEST_F(Factors, LidarJacobianIsNumericAndCostIsTheQuadraticModel) {
 TEST_F(Factors, PriorJacobiansAreNumeric) {
   StatePrior prior;
   prior.linearisation = motion_.state(0.52);
-  prior.sqrt_information = Eigen::MatrixXd::Map(random(18 * 18, 1.0).data(), 18, 18);
-  prior.offset = random(18, 1.0);
-  expect_jacobians_are_numeric(PriorCost(motion_.state(0.5), prior), {random(15, 0.1), random(3, 0.1)}, 1e-5);
+  prior.sqrt_information = Eigen::MatrixXd::Map(random(21 * 21, 1.0).data(), 21, 21);
+  prior.offset = random(21, 1.0);
+  expect_jacobians_are_numeric(PriorCost(motion_.state(0.5), prior), {random(15, 0.1), random(6, 0.1)}, 1e-5);
 }
 
 TEST_F(Factors, GravityJacobianIsNumeric) {
-  expect_jacobians_are_numeric(GravityNormCost(motion_.state(0.5), 9.81), {random(3, 0.1)}, 1e-5);
+  expect_jacobians_are_numeric(GravityNormCost(motion_.state(0.5), 9.81), {random(6, 0.1)}, 1e-5);
 }
 
 TEST(Factorise, RootReproducesTheNormalEquationsAndLeavesOutTheNullSpace) {

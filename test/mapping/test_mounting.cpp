@@ -42,5 +42,15 @@ TEST(Mounting, NothingAtTheFirstPose) {
   EXPECT_LT(mounting_covariance(T, T, 0.01).norm(), 1e-15);
 }
 
+TEST(Mounting, CorrectedRotationTakesLidarAxesIntoThoseOfTheImu) {
+  const Eigen::Quaterniond q_stated(so3::exp_q(Eigen::Vector3d(0.2, -0.1, 1.5)));
+  const Eigen::Vector3d mounting(0.03, -0.02, 0.04);
+  // A pose takes the stated rotation for right: its axes are the lidar's seen through that. What lies along x
+  // of the IMU lies along Exp(mounting) x of the pose.
+  const Eigen::Vector3d x_pose = so3::exp(mounting) * Eigen::Vector3d::UnitX();
+  const Eigen::Vector3d x_lidar = q_stated.conjugate() * x_pose;
+  EXPECT_LT((corrected_rotation(q_stated, mounting) * x_lidar - Eigen::Vector3d::UnitX()).norm(), 1e-12);
+}
+
 }  // namespace
 }  // namespace fdi_lio::mapping

@@ -1,6 +1,7 @@
 #include "synthetic_motion.hpp"
 #include <gtest/gtest.h>
 
+#include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
 
@@ -21,16 +22,16 @@ class Window : public testing::Test {
   imu::Preintegration interval(int k, const imu::NavState& from) const {
     auto samples = motion_.samples(0.1 * k, 0.1 * (k + 1), 200.0);
     for (imu::ImuSample& sample : samples) {
-      sample.angular_velocity += gyro_bias_;
-      sample.acceleration += accel_bias_;
+      sample.angular_velocity = so3::exp(mounting_).transpose() * sample.angular_velocity + gyro_bias_;
+      sample.acceleration = so3::exp(mounting_).transpose() * sample.acceleration + accel_bias_;
     }
     return imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, from.gyro_bias,
                              from.accel_bias, imu::ImuNoise{1e-4, 1e-3, 1e-5, 1e-4}, ImuConfig());
   }
 
   /// Runs `count` scans and returns the newest state.
-  imu::NavState run(int window, int count) {
-    Smoother smoother(window, 9.81);
+  imu::NavState run(int window, int count, double mounting_sigma_rad = 0.0) {
+    Smoother smoother(window, 9.81, mounting_sigma_rad);
     smoother.start(motion_.state(0.0), Smoother::InitialSigma());
     for (int k = 0; k < count; ++k) {
       const imu::Preintegration p = interval(k, smoother.newest());
@@ -45,6 +46,7 @@ class Window : public testing::Test {
   imu::SyntheticMotion motion_;
   Eigen::Vector3d gyro_bias_ = Eigen::Vector3d(0.01, -0.005, 0.008);
   Eigen::Vector3d accel_bias_ = Eigen::Vector3d(0.05, -0.03, 0.04);
+  Eigen::Vector3d mounting_ = Eigen::Vector3d::Zero();
   Matrix15d covariance_;
 };
 
@@ -55,6 +57,18 @@ TEST_F(Window, FindsBiasesVelocityAndPose) {
   EXPECT_LT((found.v_odom - truth.v_odom).norm(), 0.01);
   EXPECT_LT((found.gyro_bias - gyro_bias_).norm(), 5e-4);
   EXPECT_LT((found.accel_bias - accel_bias_).norm(), 0.02);
+}
+
+TEST_F(Window, FindsTheMounting) {
+  mounting_ = Eigen::Vector3d(0.02, -0.015, 0.03);
+  const imu::NavState found = run(4, 300, 0.02);
+  EXPECT_LT((found.mounting - mounting_).norm(), 1e-3) << found.mounting.transpose();
+  EXPECT_LT((found.accel_bias - accel_bias_).norm(), 0.02);
+  EXPECT_LT((found.gyro_bias - gyro_bias_).norm(), 5e-4);
+  // Taken as stated, it goes into the biases instead.
+  const imu::NavState stated = run(4, 300);
+  EXPECT_LT(stated.mounting.norm(), 1e-5);
+  EXPECT_GT((stated.gyro_bias - gyro_bias_).norm(), 5e-3);
 }
 
 TEST_F(Window, MarginalisationLosesNothingOnALinearProblem) {
@@ -72,7 +86,7 @@ TEST_F(Window, MarginalisationLosesNothingOnALinearProblem) {
 TEST_F(Window, WithoutLidarTheCovarianceGrows) {
   run(4, 10);
   const Matrix15d with_lidar = covariance_;
-  Smoother smoother(4, 9.81);
+  Smoother smoother(4, 9.81, 0.0);
   smoother.start(motion_.state(0.0), Smoother::InitialSigma());
   for (int k = 0; k < 10; ++k) {
     const imu::Preintegration p = interval(k, smoother.newest());

@@ -156,6 +156,7 @@ TEST_F(Conversions, StatusAndStateKeepEveryBit) {
   state.v_odom = vector();
   state.gyro_bias = vector();
   state.accel_bias = vector();
+  state.mounting = vector();
   state.g_odom = vector();
   state.w_imu = vector();
   state.imu_status = imu::ImuStatus::kInitialising;
@@ -176,6 +177,7 @@ TEST_F(Conversions, StatusAndStateKeepEveryBit) {
   EXPECT_EQ(back.v_odom, state.v_odom);
   EXPECT_EQ(back.gyro_bias, state.gyro_bias);
   EXPECT_EQ(back.accel_bias, state.accel_bias);
+  EXPECT_EQ(back.mounting, state.mounting);
   EXPECT_EQ(back.g_odom, state.g_odom);
   EXPECT_EQ(back.w_imu, state.w_imu);
   EXPECT_EQ(back.imu_status, state.imu_status);

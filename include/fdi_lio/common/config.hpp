@@ -133,6 +133,7 @@ struct MappingConfig {
   double localizability_margin = 1.0;
   double covariance_factor = 16.0;
   double drift_share = 1.0;
+  bool estimate_mounting = true;
   bool calibrate_beams = true;
   double beam_range_sigma_m = 0.02;
   double beam_elevation_sigma_deg = 0.05;

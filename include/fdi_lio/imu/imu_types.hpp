@@ -36,6 +36,9 @@ struct NavState {
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< IMU frame [rad/s]
   Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< IMU frame [m/s^2]
   Eigen::Vector3d g_odom = Eigen::Vector3d(0.0, 0.0, -9.81);
+  /// Rotation vector from the pose's axes, which are those of the lidar turned by the stated T_imu_lidar, to
+  /// the IMU's own [rad]: R_odom_imu Exp(mounting) is the attitude of the IMU.
+  Eigen::Vector3d mounting = Eigen::Vector3d::Zero();
   Eigen::Vector3d w_imu = Eigen::Vector3d::Zero();  ///< bias-free angular velocity at `stamp` [rad/s]
   ImuStatus imu_status = ImuStatus::kNone;
 

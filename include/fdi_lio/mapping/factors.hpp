@@ -7,26 +7,27 @@
 #include "fdi_lio/mapping/scan_matcher.hpp"
 
 /// Cost functions of the fixed-lag smoother. Every parameter block is a perturbation of a nominal state, in
-/// the tangent order of docs/conventions.md: state [dtheta, dt, dv, db_g, db_a] (15), gravity dg (3).
-/// Jacobians are analytic.
+/// the tangent order of docs/conventions.md: state [dtheta, dt, dv, db_g, db_a] (15), and what all states of
+/// the window share, [gravity dg, mounting] (6). Jacobians are analytic.
 namespace fdi_lio::mapping {
 
 constexpr int kStateSize = 15;
-constexpr int kGravitySize = 3;
-constexpr int kPriorSize = kStateSize + kGravitySize;
+constexpr int kSharedSize = 6;
+constexpr int kPriorSize = kStateSize + kSharedSize;
 
 using Vector15d = Eigen::Matrix<double, kStateSize, 1>;
 using Matrix15d = Eigen::Matrix<double, kStateSize, kStateSize>;
-using Vector18d = Eigen::Matrix<double, kPriorSize, 1>;
-using Matrix18d = Eigen::Matrix<double, kPriorSize, kPriorSize>;
+using PriorVector = Eigen::Matrix<double, kPriorSize, 1>;
+using PriorMatrix = Eigen::Matrix<double, kPriorSize, kPriorSize>;
 
 /// `state` moved by the perturbations.
-imu::NavState apply(const imu::NavState& state, const double* delta_state, const double* delta_gravity);
+imu::NavState apply(const imu::NavState& state, const double* delta_state, const double* delta_shared);
 
 /// Motion between two states by preintegrated IMU (Forster et al., TRO 2017, eq. 45, and bias random walk),
-/// whitened by the preintegration's covariance. Blocks: state i, state j, gravity. Without gravity (constant
-/// velocity, or an IMU whose gravity is unknown) the velocity change is taken as it is.
-class MotionCost : public ceres::SizedCostFunction<15, kStateSize, kStateSize, kGravitySize> {
+/// whitened by the preintegration's covariance. Blocks: state i, state j, shared. The
+/// attitudes in it are those of the IMU, R Exp(mounting). Without gravity (constant velocity, or an IMU whose
+/// gravity is unknown) the velocity change is taken as it is, and the mounting as stated.
+class MotionCost : public ceres::SizedCostFunction<15, kStateSize, kStateSize, kSharedSize> {
  public:
   MotionCost(const imu::NavState& nominal_i, const imu::NavState& nominal_j,
              const imu::Preintegration& preintegration, bool with_gravity);
@@ -55,15 +56,16 @@ class LidarCost : public ceres::SizedCostFunction<6, kStateSize> {
   Vector6d offset_;
 };
 
-/// What is left of marginalised states: a Gaussian of the oldest state and gravity about `linearisation`.
+/// What is left of marginalised states: a Gaussian of the oldest state and the shared values about
+/// `linearisation`.
 struct StatePrior {
   imu::NavState linearisation;
-  Matrix18d sqrt_information = Matrix18d::Zero();
-  Vector18d offset = Vector18d::Zero();
+  PriorMatrix sqrt_information = PriorMatrix::Zero();
+  PriorVector offset = PriorVector::Zero();
 };
 
-/// r = A ([state, gravity] - linearisation) + offset. Blocks: state, gravity.
-class PriorCost : public ceres::SizedCostFunction<kPriorSize, kStateSize, kGravitySize> {
+/// r = A ([state, shared] - linearisation) + offset. Blocks: state, shared.
+class PriorCost : public ceres::SizedCostFunction<kPriorSize, kStateSize, kSharedSize> {
  public:
   PriorCost(const imu::NavState& nominal, const StatePrior& prior);
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
@@ -73,8 +75,8 @@ class PriorCost : public ceres::SizedCostFunction<kPriorSize, kStateSize, kGravi
   StatePrior prior_;
 };
 
-/// Keeps the magnitude of gravity: r = (|g| - known) / sigma. Block: gravity.
-class GravityNormCost : public ceres::SizedCostFunction<1, kGravitySize> {
+/// Keeps the magnitude of gravity: r = (|g| - known) / sigma. Block: shared.
+class GravityNormCost : public ceres::SizedCostFunction<1, kSharedSize> {
  public:
   GravityNormCost(const imu::NavState& nominal, double magnitude_mps2);
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;

@@ -16,4 +16,8 @@ namespace fdi_lio::mapping {
 Matrix6d mounting_covariance(const Eigen::Isometry3d& T_odom_first, const Eigen::Isometry3d& T_odom_now,
                              double sigma_rad);
 
+/// The rotation of T_imu_lidar that a mounting found by the smoother (imu::NavState::mounting) stands for:
+/// R_il' = Exp(mounting)' R_il.
+Eigen::Quaterniond corrected_rotation(const Eigen::Quaterniond& q_imu_lidar, const Eigen::Vector3d& mounting);
+
 }  // namespace fdi_lio::mapping

@@ -11,11 +11,14 @@
 
 namespace fdi_lio::mapping {
 
-/// Fixed-lag smoother over the states of the newest scans and gravity: a prior left by marginalised states,
-/// motion between neighbours, and the condensed lidar information of each scan. Solved by Ceres.
+/// Fixed-lag smoother over the states of the newest scans, gravity and the mounting: a prior left by
+/// marginalised states, motion between neighbours, and the condensed lidar information of each scan. Solved
+/// by Ceres.
 class Smoother {
  public:
-  Smoother(int window_size, double gravity_mps2);
+  /// `mounting_sigma_rad`: how well the rotation of T_imu_lidar is known about each axis; 0: it is not
+  /// estimated.
+  Smoother(int window_size, double gravity_mps2, double mounting_sigma_rad);
 
   /// Standard deviations of the first state.
   struct InitialSigma {
@@ -67,6 +70,7 @@ class Smoother {
 
   int window_size_;
   double gravity_mps2_;
+  double mounting_sigma_rad_;
   std::deque<Entry> window_;
   StatePrior prior_;
 };

@@ -28,7 +28,7 @@ struct GradientConfig {
   double fine_radius_m = 0.5;
   double coarse_radius_m = 2.0;
   double sample_spacing_m = 0.1;
-  bool smoothing = true;
+  bool smoothing = false;
   double process_noise = 0.01;
   double measurement_noise = 0.1;
 
