@@ -16,7 +16,7 @@ from .errors import UserError
 from .evaluation import Settings, evaluate
 from .trajectory_io import read_trajectory
 
-LARGE_RESULTS = ("map.pcd", "covariance.csv", "directions.csv")  # of a run; nobody looks at those of a benchmark
+LARGE_RESULTS = ("map.pcd", "directions.csv")  # of a run; nobody looks at those of a benchmark
 
 
 @dataclass(frozen=True)
