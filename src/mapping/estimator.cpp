@@ -33,6 +33,7 @@ constexpr int kScansBeforeVelocity = 2;  ///< so many are deskewed without one
 constexpr int kStartIterations = 20;
 constexpr double kStartMaxResidual = 1.0;
 constexpr double kUsualMounting = 5.0;  ///< error of the mounting in its standard deviations
+constexpr double kLeastMountingSigma_deg = 0.05;
 
 /// The prediction by a motion that is not one of an accelerometer, in the axes of the pose.
 imu::NavState without_gravity(const imu::NavState& state, const imu::Preintegration& motion) {
@@ -293,8 +294,8 @@ void Estimator::Implementation::adopt_imu(const std::optional<ImuStart::Found>& 
 }
 
 void Estimator::Implementation::report_mounting(const imu::NavState& state) {
-  const double sigma_rad = config_.sensor.mounting_sigma_deg * M_PI / 180.0;
-  if (state.mounting.norm() <= kUsualMounting * sigma_rad) return;
+  const double sigma_deg = std::max(config_.sensor.mounting_sigma_deg, kLeastMountingSigma_deg);
+  if (state.mounting.norm() * 180.0 / M_PI <= kUsualMounting * sigma_deg) return;
   const Eigen::Quaterniond q =
       corrected_rotation(Eigen::Quaterniond(T_imu_lidar_.rotation()), state.mounting);
   std::ostringstream text;

@@ -11,6 +11,7 @@ namespace fdi_lio::imu {
 /// A motion with known derivatives: sinusoids in position, a turn about a slowly moving axis in attitude.
 struct SyntheticMotion {
   Eigen::Vector3d gravity = Eigen::Vector3d(0.0, 0.0, -9.81);
+  Eigen::Vector3d mounting = Eigen::Vector3d::Zero();  ///< of the IMU in the axes of the pose
 
   static Eigen::Vector3d position(double t) {
     return {2.0 * std::sin(t), 1.5 * std::cos(0.7 * t), 0.3 * std::sin(1.3 * t)};
@@ -34,8 +35,9 @@ struct SyntheticMotion {
   ImuSample sample(double t) const {
     ImuSample sample;
     sample.stamp = to_nanoseconds(100.0 + t);
-    sample.angular_velocity = rate(t);
-    sample.acceleration = attitude(t).conjugate() * (acceleration(t) - gravity);
+    const Eigen::Quaterniond q_imu_pose = so3::exp_q(mounting).conjugate();
+    sample.angular_velocity = q_imu_pose * rate(t);
+    sample.acceleration = q_imu_pose * (attitude(t).conjugate() * (acceleration(t) - gravity));
     return sample;
   }
 
@@ -52,6 +54,7 @@ struct SyntheticMotion {
     state.t_odom_imu = position(t);
     state.v_odom = velocity(t);
     state.g_odom = gravity;
+    state.mounting = mounting;
     state.imu_status = ImuStatus::kInitialised;
     return state;
   }

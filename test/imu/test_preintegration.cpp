@@ -113,6 +113,23 @@ TEST(Propagation, FollowsTheTrueMotionAndEndsAtTheAskedInstant) {
   EXPECT_LT((states.back().w_imu - motion.rate(0.7531)).norm(), 1e-3);
 }
 
+TEST(Propagation, TurnsReadingsOfATurnedImuIntoTheAxesOfThePose) {
+  SyntheticMotion motion;
+  motion.mounting = Eigen::Vector3d(0.3, -0.2, 0.5);
+  const auto states = propagate(motion.state(0.25), motion.samples(0.2, 0.8, 200.0), to_nanoseconds(100.75));
+  EXPECT_LT((states.back().t_odom_imu - motion.position(0.75)).norm(), 2e-3);
+  EXPECT_LT(states.back().q_odom_imu.angularDistance(motion.attitude(0.75)), 1e-4);
+
+  const auto samples = motion.samples(0.5, 0.6, 2000.0);
+  const Preintegration p =
+      preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
+                   Eigen::Vector3d::Zero(), ImuNoise(), ImuConfig());
+  const NavState predicted = predict(motion.state(0.5), p);
+  EXPECT_LT((predicted.t_odom_imu - motion.position(0.6)).norm(), 1e-5);
+  EXPECT_LT((predicted.v_odom - motion.velocity(0.6)).norm(), 1e-4);
+  EXPECT_LT(predicted.q_odom_imu.angularDistance(motion.attitude(0.6)), 1e-5);
+}
+
 TEST(Propagation, WithoutReadingsHoldsVelocityAndRate) {
   NavState state;
   state.v_odom = Eigen::Vector3d(1.0, 2.0, 3.0);
