@@ -24,9 +24,9 @@ using PriorMatrix = Eigen::Matrix<double, kPriorSize, kPriorSize>;
 imu::NavState apply(const imu::NavState& state, const double* delta_state, const double* delta_shared);
 
 /// Motion between two states by preintegrated IMU (Forster et al., TRO 2017, eq. 45, and bias random walk),
-/// whitened by the preintegration's covariance. Blocks: state i, state j, shared. The
-/// attitudes in it are those of the IMU, R Exp(mounting). Without gravity (constant velocity, or an IMU whose
-/// gravity is unknown) the velocity change is taken as it is, and the mounting as stated.
+/// whitened by the preintegration's covariance. Blocks: state i, state j, shared. The attitudes in it are
+/// those of the IMU, R Exp(mounting). Without gravity (constant velocity, or an IMU whose gravity is unknown)
+/// the velocity change is taken as it is, and the mounting as stated.
 class MotionCost : public ceres::SizedCostFunction<15, kStateSize, kStateSize, kSharedSize> {
  public:
   MotionCost(const imu::NavState& nominal_i, const imu::NavState& nominal_j,
