@@ -14,11 +14,12 @@ namespace {
 
 using scan::RangeImage;
 
-/// Keyframes that are asked first, and those that are asked about what one of the first looked through: most
-/// points are where all see them.
-constexpr std::array<std::size_t, 4> kFirstSteps = {16, 8, 4, 2};
-constexpr std::array<std::size_t, 4> kSecondSteps = {12, 6, 3, 1};
-constexpr std::size_t kReach = kFirstSteps.front();
+/// Keyframes before and after that are asked in turn. Most points are where all see them: those that two of
+/// the first see and none looks through are not asked about again, nor those that none of the first and
+/// second looks through.
+const std::array<std::vector<std::size_t>, 3> kSteps = {{{16, 4}, {8, 2}, {12, 6, 3, 1}}};
+constexpr std::size_t kReach = 16;
+constexpr int kEnoughThere = 2;
 constexpr int kLeastFree = 2;
 /// Of the margins of the filter, which compares points of one second: here they are means of a voxel, and the
 /// odometry has drifted for up to 16 keyframes.
@@ -44,7 +45,7 @@ std::optional<std::size_t> GhostRemover::next(bool is_last) {
 }
 
 std::vector<GhostRemover::Witness> GhostRemover::witnesses(std::size_t keyframe,
-                                                           const std::array<std::size_t, 4>& steps) const {
+                                                           const std::vector<std::size_t>& steps) const {
   const View& own = views_[keyframe - first_];
   const Eigen::Isometry3d T_odom_imu = own.T_odom_lidar * T_imu_lidar_.inverse();
   std::vector<Witness> found;
@@ -90,17 +91,21 @@ void GhostRemover::ask(const std::vector<Witness>& witnesses, const std::vector<
   });
 }
 
-std::vector<Point> GhostRemover::kept(const std::vector<Point>& points, const std::vector<Witness>& first,
-                                      const std::vector<Witness>& second) const {
+std::vector<Point> GhostRemover::kept(const std::vector<Point>& points, const Rounds& rounds) const {
   std::vector<Votes> votes(points.size());
   std::vector<std::uint32_t> chosen(points.size());
   std::iota(chosen.begin(), chosen.end(), 0U);
-  ask(first, points, chosen, &votes);
-  if (!first.empty()) {
-    const auto is_sure = [&votes](std::uint32_t i) { return votes[i].free == 0; };
+  bool is_asked = false;
+  for (std::size_t round = 0; round < rounds.size(); ++round) {
+    ask(rounds[round], points, chosen, &votes);
+    is_asked = is_asked || !rounds[round].empty();
+    if (!is_asked) continue;
+    const int enough_there = round == 0 ? kEnoughThere : 0;
+    const auto is_sure = [&votes, enough_there](std::uint32_t i) {
+      return votes[i].free == 0 && votes[i].there >= enough_there;
+    };
     chosen.erase(std::remove_if(chosen.begin(), chosen.end(), is_sure), chosen.end());
   }
-  ask(second, points, chosen, &votes);
   std::vector<Point> result;
   result.reserve(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -110,11 +115,15 @@ std::vector<Point> GhostRemover::kept(const std::vector<Point>& points, const st
 }
 
 std::optional<KeyframeCloud> GhostRemover::clean(std::size_t keyframe, const KeyframeCloud& cloud) const {
-  const std::vector<Witness> first = witnesses(keyframe, kFirstSteps);
-  const std::vector<Witness> second = witnesses(keyframe, kSecondSteps);
-  if (first.empty() && second.empty()) return std::nullopt;
-  KeyframeCloud cleaned = {kept(cloud.surface, first, second), kept(cloud.planes, first, second),
-                           kept(cloud.edges, first, second)};
+  Rounds rounds;
+  bool has_witness = false;
+  for (std::size_t round = 0; round < rounds.size(); ++round) {
+    rounds[round] = witnesses(keyframe, kSteps[round]);
+    has_witness = has_witness || !rounds[round].empty();
+  }
+  if (!has_witness) return std::nullopt;
+  KeyframeCloud cleaned = {kept(cloud.surface, rounds), kept(cloud.planes, rounds),
+                           kept(cloud.edges, rounds)};
   if (cleaned.size() == cloud.size()) return std::nullopt;
   return cleaned;
 }

@@ -21,11 +21,7 @@ geometry_msgs::TransformStamped transform(const Eigen::Isometry3d& T, const std:
 }  // namespace
 
 SensorFrames::SensorFrames(const Config& config, const ros::NodeHandle& handle)
-    : config_(config),
-      imu_frame_(config.frames.imu),
-      // The buffer asks for time, which does not run yet when a recording waits to be started.
-      listener_(buffer_, handle, true),
-      asked_since_(ros::SteadyTime::now()) {
+    : config_(config), handle_(handle), imu_frame_(config.frames.imu) {
   if (config.frames.extrinsics == "parameters") {
     T_base_imu_ = config.frames.T_base_imu();
     T_imu_lidar_ = config.sensor.T_imu_lidar();
@@ -36,10 +32,17 @@ void SensorFrames::learn_imu_frame(const std::string& frame_id) {
   if (!frame_id.empty()) imu_frame_ = frame_id;
 }
 
+tf2_ros::Buffer& SensorFrames::listen() {
+  // In a thread of its own: time does not run yet when a recording waits to be started.
+  if (!listener_) listener_.emplace(buffer_, handle_, true);
+  return buffer_;
+}
+
 std::optional<Eigen::Isometry3d> SensorFrames::look_up(const std::string& target, const std::string& source) {
   std::string reason;
-  if (buffer_.canTransform(target, source, ros::Time(0), &reason)) {
+  if (listen().canTransform(target, source, ros::Time(0), &reason)) {
     const Eigen::Isometry3d T = tf2::transformToEigen(buffer_.lookupTransform(target, source, ros::Time(0)));
+    listener_.reset();
     return T;
   }
   ROS_WARN_THROTTLE(5.0, "frames.extrinsics is tf, and tf does not know %s -> %s yet (%s)", target.c_str(),
@@ -66,11 +69,11 @@ void SensorFrames::publish_sensors(const std::string& lidar_frame) {
   if (published_ || config_.frames.sensor_tf == "never" || !T_base_imu_ || !T_imu_lidar_) return;
   const std::string& base = config_.frames.base_link;
   if (config_.frames.sensor_tf == "auto") {
-    if (buffer_.canTransform(base, lidar_frame, ros::Time(0))) {
-      published_ = true;
-      return;
-    }
-    if ((ros::SteadyTime::now() - asked_since_).toSec() < kGraceS) return;
+    if (!asked_since_) asked_since_ = ros::SteadyTime::now();
+    published_ = listen().canTransform(base, lidar_frame, ros::Time(0));
+    if (!published_ && (ros::SteadyTime::now() - *asked_since_).toSec() < kGraceS) return;
+    listener_.reset();
+    if (published_) return;
   }
   std::vector<geometry_msgs::TransformStamped> transforms;
   const ros::Time now = ros::Time::now();

@@ -38,16 +38,20 @@ class SensorFrames {
 
  private:
   std::optional<Eigen::Isometry3d> look_up(const std::string& target, const std::string& source);
+  /// What tf says, heard from the first call on.
+  tf2_ros::Buffer& listen();
 
   Config config_;
+  ros::NodeHandle handle_;
   std::string imu_frame_;
   tf2_ros::Buffer buffer_;
-  tf2_ros::TransformListener listener_;
+  /// Only while something is asked: every IMU reading sends a transform, which costs who listens.
+  std::optional<tf2_ros::TransformListener> listener_;
   tf2_ros::TransformBroadcaster broadcaster_;
   tf2_ros::StaticTransformBroadcaster static_broadcaster_;
   std::optional<Eigen::Isometry3d> T_base_imu_;
   std::optional<Eigen::Isometry3d> T_imu_lidar_;
-  ros::SteadyTime asked_since_;
+  std::optional<ros::SteadyTime> asked_since_;  ///< whether tf knows the lidar
   bool published_ = false;
 };
 

@@ -24,8 +24,9 @@ namespace fdi_lio::mapping {
 /// its own. One that measured its range within margin / 2 says that it is there; one that measured more than
 /// its range plus the margin in all of the nine cells about its direction says that it is not, with margin =
 /// 2 (`dynamic.free_margin` + `dynamic.free_margin_share` range). It goes when at least two say that it is
-/// not, and more than say that it is. The keyframes 1, 3, 6 and 12 are asked only about what one of the
-/// others looked through.
+/// not, and more than say that it is. They are asked in three rounds, 4
+/// and 16, 2 and 8, then the others: what two of the first round see and none looks through is not asked
+/// about again, nor what none of the first two rounds looks through.
 class GhostRemover {
  public:
   GhostRemover(const scan::DynamicConfig& config, const Eigen::Isometry3d& T_imu_lidar);
@@ -52,17 +53,17 @@ class GhostRemover {
     const scan::RangeImage* image;
     Eigen::Isometry3f T_lidar_imu;  ///< from the IMU frame of the keyframe in question
   };
+  using Rounds = std::array<std::vector<Witness>, 3>;  ///< in the order in which they are asked
   struct Votes {
     int free = 0;
     int there = 0;
   };
 
-  std::vector<Witness> witnesses(std::size_t keyframe, const std::array<std::size_t, 4>& steps) const;
+  std::vector<Witness> witnesses(std::size_t keyframe, const std::vector<std::size_t>& steps) const;
   /// Adds the votes on the points `chosen`.
   void ask(const std::vector<Witness>& witnesses, const std::vector<Point>& points,
            const std::vector<std::uint32_t>& chosen, std::vector<Votes>* votes) const;
-  std::vector<Point> kept(const std::vector<Point>& points, const std::vector<Witness>& first,
-                          const std::vector<Witness>& second) const;
+  std::vector<Point> kept(const std::vector<Point>& points, const Rounds& rounds) const;
 
   scan::DynamicConfig config_;
   Eigen::Isometry3d T_imu_lidar_;
