@@ -67,10 +67,10 @@ void GhostRemover::ask(const std::vector<Witness>& witnesses, const std::vector<
   const float margin_m = kMarginFactor * static_cast<float>(config_.free_margin_m);
   const float margin_share = kMarginFactor * static_cast<float>(config_.free_margin_share);
   parallel_chunks(chosen.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
-    for (std::size_t first = begin; first < end; first += RangeImage::Directions::kSize) {
-      const int size = static_cast<int>(std::min<std::size_t>(RangeImage::Directions::kSize, end - first));
-      for (const Witness& witness : witnesses) {
-        RangeImage::Directions seen;
+    RangeImage::Directions seen;
+    for (const Witness& witness : witnesses) {
+      for (std::size_t first = begin; first < end; first += RangeImage::Directions::kSize) {
+        const int size = static_cast<int>(std::min<std::size_t>(RangeImage::Directions::kSize, end - first));
         for (int k = 0; k < size; ++k)
           seen.set(k, points[chosen[first + static_cast<std::size_t>(k)]].position);
         witness.image->look_at(witness.T_lidar_imu, &seen);

@@ -1,9 +1,11 @@
 // One node as a process of its own: the nodelet FDI_LIO_NODELET without a manager.
+#include "fdi_lio/common/memory.hpp"
 #include "nodelets.hpp"
 #include <nodelet/loader.h>
 #include <ros/ros.h>
 
 int main(int argc, char** argv) {
+  fdi_lio::keep_freed_memory();
   ros::init(argc, argv, FDI_LIO_NODE_NAME);
   const boost::function<boost::shared_ptr<nodelet::Nodelet>(const std::string&)> create =
       [](const std::string& /*name*/) { return boost::make_shared<fdi_lio::nodes::FDI_LIO_NODELET>(); };

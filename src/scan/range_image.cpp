@@ -209,6 +209,10 @@ void RangeImage::look_at(const Eigen::Isometry3f& T, Directions* directions) con
   for (int k = 0; k < Directions::kSize; ++k) d.ring[k] = elevation_bin(sine[k], kElevationBins);
   for (int k = 0; k < Directions::kSize; ++k)
     d.ring[k] = columns_ > 0 && d.range_m[k] > 0.0F ? ring_of_sine_[d.ring[k]] : -1;
+  // Whoever looks asks for the range next; most of the image is in no cache by then.
+  for (int k = 0; k < Directions::kSize; ++k) {
+    if (d.ring[k] >= 0) __builtin_prefetch(&range_[cell(d.ring[k], d.column[k])]);
+  }
 }
 
 RangeImage::Direction RangeImage::look_at(const Eigen::Vector3f& point) const {

@@ -15,6 +15,7 @@
 
 #include "fdi_lio/common/config_io.hpp"
 #include "fdi_lio/common/error.hpp"
+#include "fdi_lio/common/memory.hpp"
 
 namespace {
 
@@ -109,6 +110,7 @@ int run(const fdi_lio::tools::BagOptions& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  fdi_lio::keep_freed_memory();
   std::signal(SIGINT, request_stop);
   std::signal(SIGTERM, request_stop);
   try {
