@@ -214,6 +214,9 @@ void MappingConfig::visit(ParameterVisitor& v) {
   v.flag({"mapping.estimate_mounting", "",
           "estimate the error of the rotation of T_imu_lidar, with sensor.mounting_sigma as what is known"},
          estimate_mounting);
+  v.real({"mapping.tilt_walk", "deg/sqrt(m)",
+          "random walk of the tilt of the local map against gravity: errors of the beams turn it on the way"},
+         tilt_walk_deg, 0.0, 10.0);
   v.flag({"mapping.calibrate_beams", "", "learn the systematic errors of each beam against the map"},
          calibrate_beams);
   v.real({"mapping.beam_range_sigma", "m", "expected deviation of the beams' range errors"},

@@ -51,8 +51,10 @@ void GraphMeasurements::add_gravity(const std::vector<OdometryFrame>& frames,
     if (!down_map_) down_map_ = T_map_imu.linear() * down_imu;
   }
   if (gravity_sigma_rad_ == 0.0 || !down_odom_) return;
+  // Where the keyframe does not know it, as before a start in motion is over, the odometry carries it on.
   const Eigen::Vector3d carried_imu = newest.T_odom_imu.linear().transpose() * *down_odom_;
-  graph->add_gravity({frames.size() - 1, carried_imu, *down_map_, gravity_sigma_rad_});
+  graph->add_gravity(
+      {frames.size() - 1, down_imu.isZero() ? carried_imu : down_imu, *down_map_, gravity_sigma_rad_});
 }
 
 void GraphMeasurements::add_external(const ExternalPose& pose) {

@@ -17,6 +17,8 @@ namespace {
 
 /// Standard deviation of a mounting that is taken as stated [rad].
 constexpr double kKnownMounting = 1e-6;
+/// Variances of a walk below this are none [(m/s^2)^2].
+constexpr double kLeastWalk = 1e-14;
 constexpr int kMaxIterations = 3;  ///< the association is renewed outside, so that few inner steps suffice
 
 Eigen::MatrixXd to_dense(const ceres::CRSMatrix& sparse) {
@@ -100,10 +102,11 @@ class Smoother::Problem {
   Vector6d shared_ = Vector6d::Zero();
 };
 
-Smoother::Smoother(int window_size, double gravity_mps2, double mounting_sigma_rad)
+Smoother::Smoother(int window_size, double gravity_mps2, double mounting_sigma_rad, double tilt_walk)
     : window_size_(window_size),
       gravity_mps2_(gravity_mps2),
-      mounting_sigma_rad_(std::max(mounting_sigma_rad, kKnownMounting)) {}
+      mounting_sigma_rad_(std::max(mounting_sigma_rad, kKnownMounting)),
+      tilt_walk_(tilt_walk) {}
 
 void Smoother::start(const imu::NavState& state, const InitialSigma& sigma) {
   window_.clear();
@@ -188,9 +191,9 @@ void Smoother::marginalise_oldest() {
   const Eigen::MatrixXd Hmm = H.topLeftCorner<kStateSize, kStateSize>();
   const Eigen::MatrixXd Hrm = H.bottomLeftCorner<kPriorSize, kStateSize>();
   const Eigen::LDLT<Eigen::MatrixXd> solver(Hmm);
-  const Eigen::MatrixXd Hrr =
-      H.bottomRightCorner<kPriorSize, kPriorSize>() - Hrm * solver.solve(Hrm.transpose());
-  const Eigen::VectorXd br = b.tail<kPriorSize>() - Hrm * solver.solve(b.head<kStateSize>());
+  Eigen::MatrixXd Hrr = H.bottomRightCorner<kPriorSize, kPriorSize>() - Hrm * solver.solve(Hrm.transpose());
+  Eigen::VectorXd br = b.tail<kPriorSize>() - Hrm * solver.solve(b.head<kStateSize>());
+  walk_gravity((window_[1].state.t_odom_imu - window_[0].state.t_odom_imu).norm(), &Hrr, &br);
   Eigen::MatrixXd A;
   Eigen::VectorXd e;
   factorise(Hrr, br, 1e-16, &A, &e);
@@ -199,6 +202,19 @@ void Smoother::marginalise_oldest() {
   prior_.linearisation = window_[1].state;
   window_.pop_front();
   window_.front().has_motion = false;
+}
+
+/// P + G Q G' in terms of H = P^-1 and b, by Woodbury's identity; G picks gravity out, whose magnitude a
+/// factor of its own holds.
+void Smoother::walk_gravity(double way_m, Eigen::MatrixXd* H, Eigen::VectorXd* b) const {
+  const double sigma_mps2 = tilt_walk_ * gravity_mps2_;
+  const double variance = sigma_mps2 * sigma_mps2 * way_m;
+  if (variance < kLeastWalk) return;
+  const Eigen::MatrixXd HG = H->middleCols<3>(kStateSize);
+  const Eigen::Matrix3d S = (Eigen::Matrix3d::Identity() / variance + HG.middleRows<3>(kStateSize)).inverse();
+  const Eigen::Vector3d b_gravity = b->segment<3>(kStateSize);
+  *H -= HG * S * HG.transpose();
+  *b -= HG * S * b_gravity;
 }
 
 }  // namespace fdi_lio::mapping

@@ -1,8 +1,9 @@
 // One node as a process of its own: the nodelet FDI_LIO_NODELET without a manager.
-#include "fdi_lio/common/memory.hpp"
 #include "nodelets.hpp"
 #include <nodelet/loader.h>
 #include <ros/ros.h>
+
+#include "fdi_lio/common/memory.hpp"
 
 int main(int argc, char** argv) {
   fdi_lio::keep_freed_memory();

@@ -293,6 +293,15 @@ TEST(GlobalOptimizer, GravityKeepsTheMapLevel) {
   const double tilted = height(0.0);
   EXPECT_GT(tilted, 3.0);
   EXPECT_LT(std::abs(height(0.2)), 0.2 * tilted);
+  // Now the odometry pitches likewise, but each keyframe knows better.
+  const Eigen::Isometry3d step(Eigen::Translation3d(2.0, 0.0, 0.0) *
+                               so3::exp_q(Eigen::Vector3d(0.0, -7e-4, 0.0)));
+  for (std::size_t k = 0; k < drive.size(); ++k) {
+    if (k > 0) drive[k].T_odom_imu = drive[k - 1].T_odom_imu * step;
+    drive[k].down_imu = Eigen::Vector3d(0.0, 0.0, -1.0);
+  }
+  EXPECT_GT(height(0.0), 3.0);
+  EXPECT_LT(std::abs(height(0.2)), 0.2 * tilted);
 }
 
 TEST(GlobalOptimizer, CloudsMakeRoomForTheGraph) {

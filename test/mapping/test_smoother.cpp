@@ -29,21 +29,37 @@ class Window : public testing::Test {
   }
 
   /// Runs `count` scans and returns the newest state.
-  imu::NavState run(int window, int count, double mounting_sigma_rad = 0.0) {
-    Smoother smoother(window, 9.81, mounting_sigma_rad);
+  imu::NavState run(int window, int count, double mounting_sigma_rad = 0.0, double tilt_walk = 0.0) {
+    Smoother smoother(window, 9.81, mounting_sigma_rad, tilt_walk);
     imu::NavState first = motion_.state(0.0);
     first.mounting.setZero();
     smoother.start(first, Smoother::InitialSigma());
     for (int k = 0; k < count; ++k) {
       const imu::Preintegration p = interval(k, smoother.newest());
       smoother.add(imu::predict(smoother.newest(), p), p, true);
-      smoother.set_lidar(lidar_at(motion_.state(0.1 * (k + 1))));
+      smoother.set_lidar(lidar_at(in_tilting_map(k + 1)));
       EXPECT_TRUE(smoother.solve());
     }
     covariance_ = smoother.covariance();
     return smoother.newest();
   }
 
+  /// The truth after k scans in the axes of a map that has turned by `tilt_per_scan_` k about x.
+  imu::NavState in_tilting_map(int k) const {
+    imu::NavState state = motion_.state(0.1 * k);
+    Eigen::Vector3d place = motion_.state(0.0).t_odom_imu;
+    for (int i = 1; i <= k; ++i)
+      place += tilt(i) * (motion_.state(0.1 * i).t_odom_imu - motion_.state(0.1 * (i - 1)).t_odom_imu);
+    state.q_odom_imu = tilt(k) * state.q_odom_imu;
+    state.t_odom_imu = place;
+    state.g_odom = tilt(k) * state.g_odom;
+    return state;
+  }
+  Eigen::Quaterniond tilt(int k) const {
+    return Eigen::Quaterniond(Eigen::AngleAxisd(tilt_per_scan_ * k, Eigen::Vector3d::UnitX()));
+  }
+
+  double tilt_per_scan_ = 0.0;  ///< [rad]
   imu::SyntheticMotion motion_;
   Eigen::Vector3d gyro_bias_ = Eigen::Vector3d(0.01, -0.005, 0.008);
   Eigen::Vector3d accel_bias_ = Eigen::Vector3d(0.05, -0.03, 0.04);
@@ -71,6 +87,17 @@ TEST_F(Window, FindsTheMounting) {
   EXPECT_GT((stated.gyro_bias - gyro_bias_).norm(), 5e-3);
 }
 
+TEST_F(Window, GravityFollowsAMapThatTilts) {
+  tilt_per_scan_ = 5e-4;
+  const Eigen::Vector3d g = in_tilting_map(200).g_odom;
+  const imu::NavState found = run(4, 200, 0.0, 3e-3);
+  EXPECT_LT((found.g_odom - g).norm(), 0.2) << found.g_odom.transpose();
+  EXPECT_LT((found.accel_bias - accel_bias_).norm(), 0.05) << found.accel_bias.transpose();
+  // A direction that may not change is the mean of the way.
+  const imu::NavState fixed = run(4, 200);
+  EXPECT_GT((fixed.g_odom - g).norm(), 2.0 * (found.g_odom - g).norm());
+}
+
 TEST_F(Window, MarginalisationLosesNothingOnALinearProblem) {
   // A window that holds everything and one that marginalises almost everything see the same information.
   const imu::NavState all = run(20, 19);
@@ -86,7 +113,7 @@ TEST_F(Window, MarginalisationLosesNothingOnALinearProblem) {
 TEST_F(Window, WithoutLidarTheCovarianceGrows) {
   run(4, 10);
   const Matrix15d with_lidar = covariance_;
-  Smoother smoother(4, 9.81, 0.0);
+  Smoother smoother(4, 9.81, 0.0, 0.0);
   smoother.start(motion_.state(0.0), Smoother::InitialSigma());
   for (int k = 0; k < 10; ++k) {
     const imu::Preintegration p = interval(k, smoother.newest());

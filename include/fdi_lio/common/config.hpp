@@ -134,6 +134,7 @@ struct MappingConfig {
   double covariance_factor = 16.0;
   double drift_share = 1.0;
   bool estimate_mounting = true;
+  double tilt_walk_deg = 0.02;
   bool calibrate_beams = true;
   double beam_range_sigma_m = 0.02;
   double beam_elevation_sigma_deg = 0.05;

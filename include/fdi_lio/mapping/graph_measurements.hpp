@@ -37,9 +37,8 @@ class GraphMeasurements {
 
   /// Roll and pitch of the newest frame, whose pose in the map is `T_map_imu`. The odometry knows them by the
   /// accelerometer, and what moves the map must not tilt it (the four degrees of freedom of VINS-Mono, Qin et
-  /// al., T-RO 2018, section VIII). Down in odom is what the first keyframe of a session says that knows it
-  /// (`down_imu`, zero while it does not); later ones say it with other errors of the accelerometer, which
-  /// would bend the map.
+  /// al., T-RO 2018, section VIII). `down_imu` is what the frame itself says, zero while it does not know;
+  /// then down in odom, as the first frame of the session said that knew it, is carried on by the odometry.
   void add_gravity(const std::vector<OdometryFrame>& frames, const Eigen::Isometry3d& T_map_imu,
                    const Eigen::Vector3d& down_imu, PoseGraph* graph);
 

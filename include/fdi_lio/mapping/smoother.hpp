@@ -17,8 +17,9 @@ namespace fdi_lio::mapping {
 class Smoother {
  public:
   /// `mounting_sigma_rad`: how well the rotation of T_imu_lidar is known about each axis; 0: it is not
-  /// estimated.
-  Smoother(int window_size, double gravity_mps2, double mounting_sigma_rad);
+  /// estimated. `tilt_walk`: how fast the local map, and with it the frame of the states, tilts against
+  /// gravity on the way [rad/sqrt(m)]: the random walk of gravity's direction in that frame.
+  Smoother(int window_size, double gravity_mps2, double mounting_sigma_rad, double tilt_walk);
 
   /// Standard deviations of the first state.
   struct InitialSigma {
@@ -67,10 +68,13 @@ class Smoother {
   class Problem;
 
   void marginalise_oldest();
+  /// Adds what gravity may have turned by on `way_m` to the information (H, b) of [state, shared].
+  void walk_gravity(double way_m, Eigen::MatrixXd* H, Eigen::VectorXd* b) const;
 
   int window_size_;
   double gravity_mps2_;
   double mounting_sigma_rad_;
+  double tilt_walk_;
   std::deque<Entry> window_;
   StatePrior prior_;
 };
