@@ -25,6 +25,8 @@ SensorFrames::SensorFrames(const Config& config, const ros::NodeHandle& handle)
   if (config.frames.extrinsics == "parameters") {
     T_base_imu_ = config.frames.T_base_imu();
     T_imu_lidar_ = config.sensor.T_imu_lidar();
+  } else {
+    listen();  // so that tf is known by the time of the first scan
   }
 }
 

@@ -24,9 +24,9 @@ namespace fdi_lio::mapping {
 /// its own. One that measured its range within margin / 2 says that it is there; one that measured more than
 /// its range plus the margin in all of the nine cells about its direction says that it is not, with margin =
 /// 2 (`dynamic.free_margin` + `dynamic.free_margin_share` range). It goes when at least two say that it is
-/// not, and more than say that it is. They are asked in three rounds, 4
-/// and 16, 2 and 8, then the others: what two of the first round see and none looks through is not asked
-/// about again, nor what none of the first two rounds looks through.
+/// not, and more than say that it is. They are asked in three rounds, 4 and 16, 2 and 8, then the others:
+/// what two of the first round see and none looks through is not asked about again, nor what none of the
+/// first two rounds looks through.
 class GhostRemover {
  public:
   GhostRemover(const scan::DynamicConfig& config, const Eigen::Isometry3d& T_imu_lidar);
