@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "fdi_lio/common/parallel.hpp"
+#include "fdi_lio/common/wide_vectors.hpp"
 
 namespace fdi_lio::features {
 
@@ -48,8 +49,8 @@ struct Ring {
 
 /// Half width of each point's window in points: wide enough in metres that range noise does not hide the
 /// shape.
-std::vector<std::uint32_t> window_sizes(const Ring& ring, const FeatureConfig& config,
-                                        const std::vector<float>& range) {
+FDI_LIO_WIDE_VECTORS std::vector<std::uint32_t> window_sizes(const Ring& ring, const FeatureConfig& config,
+                                                             const std::vector<float>& range) {
   const auto least = static_cast<std::uint32_t>(config.curvature_neighbours);
   const auto most = 4 * least;
   const float angle_step = 2.0F * static_cast<float>(M_PI) / static_cast<float>(std::max(ring.size, 360U));
@@ -68,8 +69,8 @@ std::vector<std::uint32_t> window_sizes(const Ring& ring, const FeatureConfig& c
 ///   c_i = max(0, |sum_j (p_j - p_i)| - 2 sigma sqrt(N^2 + N)) / ((n + 1) / 2 (|p_{i+n} - p_i| + |p_{i-n} -
 ///   p_i|)).
 /// So 0 is a straight stretch, 0.71 a right angle and 1 a spike, whatever the beam spacing and the range.
-void compute_curvature(const Ring& ring, const FeatureConfig& config, float range_noise_m,
-                       RingScratch* scratch) {
+FDI_LIO_WIDE_VECTORS void compute_curvature(const Ring& ring, const FeatureConfig& config,
+                                            float range_noise_m, RingScratch* scratch) {
   scratch->range.resize(ring.size);
   scratch->curvature.assign(ring.size, 0.0F);
   scratch->usable.assign(ring.size, 0);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fdi_lio/scan/range_image.hpp"
+
 namespace fdi_lio::mapping {
 
 namespace {
@@ -24,16 +26,17 @@ struct LevelPoint {
 
 std::vector<LevelPoint> to_cells(const std::vector<Point>& points, const Eigen::Matrix3d& R_level_imu,
                                  double range_m) {
+  const Eigen::Matrix3f R = R_level_imu.cast<float>();
+  const auto rings_per_m = static_cast<float>(kRings / range_m);
   std::vector<LevelPoint> cells;
   cells.reserve(points.size());
   for (const Point& point : points) {
-    const Eigen::Vector3d p = R_level_imu * point.position.cast<double>();
-    const double distance = p.head<2>().norm();
-    const int ring = static_cast<int>(distance / range_m * kRings);
+    const Eigen::Vector3f p = R * point.position;
+    const int ring = static_cast<int>(p.head<2>().norm() * rings_per_m);
     if (ring >= kRings) continue;
-    const double turn = (std::atan2(p.y(), p.x()) + M_PI) / (2.0 * M_PI);
-    const int sector = std::min(static_cast<int>(turn * kSectors), kSectors - 1);
-    cells.push_back({ring, sector, static_cast<float>(p.z()), point.intensity});
+    const float turn = 0.5F + scan::fast_atan2(p.y(), p.x()) * static_cast<float>(0.5 / M_PI);
+    const int sector = std::clamp(static_cast<int>(turn * kSectors), 0, kSectors - 1);
+    cells.push_back({ring, sector, p.z(), point.intensity});
   }
   return cells;
 }

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "fdi_lio/common/parallel.hpp"
+#include "fdi_lio/common/wide_vectors.hpp"
 
 namespace fdi_lio::scan {
 
@@ -14,7 +15,7 @@ constexpr auto kPi = static_cast<float>(M_PI);
 constexpr int kMinColumns = 180;
 constexpr int kMaxColumns = 4096;
 constexpr double kColumnTolerance = 0.15;
-constexpr std::size_t kSpacingStride = 7;
+constexpr std::size_t kSpacingStride = 37;
 constexpr int kOriginRounds = 2;
 constexpr int kLeastCells =
     4;  ///< of the nine about a direction, that must hold a range to say what lies there
@@ -155,21 +156,25 @@ void RangeImage::learn_origins(const DeskewedScan& scan) {
   }
 }
 
-void RangeImage::move_to_origins(Directions* directions) const {
+FDI_LIO_WIDE_VECTORS void RangeImage::move_to_origins(Directions* directions) const {
   constexpr float kNegligible_m = 0.02F;
   if (sweep_start_.squaredNorm() < kNegligible_m * kNegligible_m) return;
   Directions& d = *directions;
   const Directions::Floats x = d.x;
   const Directions::Floats y = d.y;
   const Directions::Floats z = d.z;
+  const float* seen_ago = seen_ago_.data();
+  const float sweep_x = sweep_start_.x();
+  const float sweep_y = sweep_start_.y();
+  const float sweep_z = sweep_start_.z();
   // The origin tells the column, which tells the origin.
   for (int round = 0; round < kOriginRounds; ++round) {
     project(directions);
     for (int k = 0; k < Directions::kSize; ++k) {
-      const Eigen::Vector3f from = origin(d.column[k]);
-      d.x[k] = x[k] - from.x();
-      d.y[k] = y[k] - from.y();
-      d.z[k] = z[k] - from.z();
+      const float ago = seen_ago[d.column[k]];
+      d.x[k] = x[k] - ago * sweep_x;
+      d.y[k] = y[k] - ago * sweep_y;
+      d.z[k] = z[k] - ago * sweep_z;
     }
   }
 }
@@ -187,26 +192,32 @@ bool RangeImage::saw_farther(int ring, int column, float range_m) const {
   return filled >= kLeastCells;
 }
 
-void RangeImage::project(Directions* directions) const {
+FDI_LIO_WIDE_VECTORS void RangeImage::project(Directions* directions) const {
   Directions& d = *directions;
-  d.range_m = (d.x.square() + d.y.square() + d.z.square()).sqrt();
+  for (int k = 0; k < Directions::kSize; ++k)
+    d.range_m[k] = std::sqrt(d.x[k] * d.x[k] + d.y[k] * d.y[k] + d.z[k] * d.z[k]);
   const int columns = columns_;
   for (int k = 0; k < Directions::kSize; ++k) d.column[k] = column_of(d.x[k], d.y[k], columns);
 }
 
-void RangeImage::look_at(const Eigen::Isometry3f& T, Directions* directions) const {
+FDI_LIO_WIDE_VECTORS void RangeImage::look_at(const Eigen::Isometry3f& T, Directions* directions) const {
   Directions& d = *directions;
   const Eigen::Matrix3f R = T.linear();
   const Eigen::Vector3f t = T.translation();
-  const Directions::Floats x = R(0, 0) * d.x + R(0, 1) * d.y + R(0, 2) * d.z + t.x();
-  const Directions::Floats y = R(1, 0) * d.x + R(1, 1) * d.y + R(1, 2) * d.z + t.y();
-  d.z = R(2, 0) * d.x + R(2, 1) * d.y + R(2, 2) * d.z + t.z();
-  d.x = x;
-  d.y = y;
+  for (int k = 0; k < Directions::kSize; ++k) {
+    const float x = d.x[k];
+    const float y = d.y[k];
+    const float z = d.z[k];
+    d.x[k] = R(0, 0) * x + R(0, 1) * y + R(0, 2) * z + t.x();
+    d.y[k] = R(1, 0) * x + R(1, 1) * y + R(1, 2) * z + t.y();
+    d.z[k] = R(2, 0) * x + R(2, 1) * y + R(2, 2) * z + t.z();
+  }
   move_to_origins(directions);
   project(directions);
-  const Directions::Floats sine = d.z / d.range_m.max(std::numeric_limits<float>::min());
-  for (int k = 0; k < Directions::kSize; ++k) d.ring[k] = elevation_bin(sine[k], kElevationBins);
+  for (int k = 0; k < Directions::kSize; ++k) {
+    const float sine = d.z[k] / std::max(d.range_m[k], std::numeric_limits<float>::min());
+    d.ring[k] = elevation_bin(sine, kElevationBins);
+  }
   for (int k = 0; k < Directions::kSize; ++k)
     d.ring[k] = columns_ > 0 && d.range_m[k] > 0.0F ? ring_of_sine_[d.ring[k]] : -1;
   // Whoever looks asks for the range next; most of the image is in no cache by then.

@@ -119,7 +119,7 @@ struct MappingConfig {
   double correlation_factor = 4.0;
   double convergence_rotation_rad = 1e-4;
   double convergence_translation_m = 5e-4;
-  double keyframe_distance_m = 1.0;
+  double keyframe_distance_m = 1.5;
   double keyframe_rotation_weight_m_per_rad = 2.0;
   double output_map_voxel_m = 0.1;
   bool use_edges = true;

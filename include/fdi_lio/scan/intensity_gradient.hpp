@@ -27,7 +27,7 @@ class IntensityGradient {
 
  private:
   GradientConfig config_;
-  std::vector<Eigen::Array4f> cells_;  ///< memory of `compute`
+  std::vector<float> cells_;  ///< memory of `compute`
 };
 
 }  // namespace fdi_lio::scan

@@ -48,12 +48,12 @@ class RangeImage {
   /// The same for many points, several at a time.
   struct Directions {
     static constexpr int kSize = 64;
-    using Floats = Eigen::Array<float, kSize, 1>;
-    using Integers = Eigen::Array<std::int32_t, kSize, 1>;
-    Floats x = Floats::Zero(), y = Floats::Zero(), z = Floats::Zero();  ///< points [m]
-    Floats range_m = Floats::Zero();
-    Integers column = Integers::Zero();
-    Integers ring = Integers::Zero();  ///< -1 where no beam looks
+    using Floats = std::array<float, kSize>;
+    using Integers = std::array<std::int32_t, kSize>;
+    Floats x{}, y{}, z{};  ///< points [m]
+    Floats range_m{};
+    Integers column{};
+    Integers ring{};  ///< -1 where no beam looks
 
     void set(int k, const Eigen::Vector3f& point) {
       x[k] = point.x();
@@ -71,10 +71,6 @@ class RangeImage {
     const int wrapped = column < 0 ? column + columns_ : (column >= columns_ ? column - columns_ : column);
     return static_cast<std::size_t>(ring) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(wrapped);
-  }
-  /// Where the lidar was when it looked at a column [m].
-  Eigen::Vector3f origin(int column) const {
-    return seen_ago_[static_cast<std::size_t>(column)] * sweep_start_;
   }
   void learn_origins(const DeskewedScan& scan);
   /// Moves the points to directions from where the lidar looked at them from.
