@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <string>
 #include <utility>
 #include <vector>
@@ -203,6 +204,75 @@ TEST(IntensityGradient, ScaleIsMostlyThatOfAnExactSearch) {
   RecordProperty("equal_scale_share", std::to_string(share));
   EXPECT_GT(share, 0.7);
   EXPECT_EQ(window_only, 0U);  // the window holds a part of the points
+}
+
+/// Squared distances and differences of level of the cells in a window about point i, the nearest first.
+std::vector<std::pair<double, double>> window(const Input& input, std::size_t i, int rings, int steps,
+                                              int stride) {
+  const Point& point = input.scan.points[i];
+  std::vector<std::pair<double, double>> found;
+  for (int ring = point.ring - rings; ring <= point.ring + rings; ++ring) {
+    if (ring < 0 || ring >= input.image.rings()) continue;
+    for (int step = -steps; step <= steps; ++step) {
+      if (ring == point.ring && step == 0) continue;
+      const std::uint32_t j = input.image.at(ring, point.column + step * stride);
+      if (j == RangeImage::kNone) continue;
+      found.emplace_back((input.scan.points[j].position - point.position).cast<double>().squaredNorm(),
+                         std::abs(input.levels[j] - input.levels[i]));
+    }
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+/// The gradient of point i, cell by cell.
+double plain_gradient(const Input& input, const GradientConfig& config, std::size_t i) {
+  const auto mean_of = [](const std::vector<std::pair<double, double>>& cells, std::size_t count) {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < count; ++k) sum += cells[k].second;
+    return count > 0 ? sum / static_cast<double>(count) : 0.0;
+  };
+  const auto count_within = [](const std::vector<std::pair<double, double>>& cells, double radius_m) {
+    return static_cast<std::size_t>(std::count_if(
+        cells.begin(), cells.end(), [&](const auto& cell) { return cell.first <= radius_m * radius_m; }));
+  };
+  const Point& point = input.scan.points[i];
+  const double column_m = 2.0 * M_PI / input.image.columns() * input.image.range_at(point.ring, point.column);
+  const int stride = std::clamp(static_cast<int>(config.sample_spacing_m / column_m), 1, 16);
+  const auto fine = window(input, i, 1, 2, stride);
+  const std::size_t near = count_within(fine, config.fine_radius_m);
+  if (near >= static_cast<std::size_t>(config.fine_neighbours))
+    return mean_of(fine,
+                   config.neighbourhood == "knn" ? static_cast<std::size_t>(config.fine_neighbours) : near);
+  const auto coarse = window(input, i, 2, 4, stride);
+  if (config.neighbourhood == "radius") return mean_of(coarse, count_within(coarse, config.coarse_radius_m));
+  return mean_of(coarse, std::min(coarse.size(), static_cast<std::size_t>(config.coarse_neighbours)));
+}
+
+// Points that share a cell, empty cells and many strides. A stride or a radius at its very border may fall to
+// either side.
+TEST(IntensityGradient, EachPointHasTheMeanOverItsWindow) {
+  Input input = painted_hall(marble);
+  std::mt19937 random(7);
+  std::normal_distribution<float> noise(0.0F, 0.15F);
+  for (Point& point : input.scan.points) {
+    point.position.x() += noise(random);
+    point.position.y() += noise(random);
+  }
+  input.image.build(&input.scan);
+  const std::size_t points = input.scan.points.size();
+  std::size_t sharing = 0;
+  for (std::size_t i = 0; i < points; ++i)
+    sharing += input.image.at(input.scan.points[i].ring, input.scan.points[i].column) != i ? 1 : 0;
+  ASSERT_GT(sharing, points / 10);
+  for (const char* neighbourhood : {"adaptive", "knn", "radius"}) {
+    const GradientConfig config = config_with(neighbourhood, 0.2);
+    const auto gradients = IntensityGradient(config).compute(input.scan, input.levels, input.image);
+    std::size_t equal = 0;
+    for (std::size_t i = 0; i < points; ++i)
+      equal += std::abs(gradients[i] - plain_gradient(input, config, i)) <= 1e-5 ? 1 : 0;
+    EXPECT_GT(equal, points - points / 1000) << neighbourhood;
+  }
 }
 
 TEST(IntensityGradient, ConstantWallGivesZero) {
