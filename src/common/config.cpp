@@ -223,6 +223,10 @@ void MappingConfig::visit(ParameterVisitor& v) {
          beam_range_sigma_m, 1e-4, 1.0);
   v.real({"mapping.beam_elevation_sigma", "deg", "expected deviation of the beams' elevation errors"},
          beam_elevation_sigma_deg, 1e-4, 1.0);
+  v.real({"mapping.common_elevation_sigma", "deg",
+          "expected error of elevation that all of 16 beams share, sqrt(16/n) of it for n; gravity shows it "
+          "(0: taken as none)"},
+         common_elevation_sigma_deg, 0.0, 2.0);
   v.real({"mapping.plane_weight", "", "factor on the information of plane matches"}, plane_weight, 0.0,
          100.0);
   v.real({"mapping.edge_weight", "",

@@ -69,8 +69,7 @@ void BeamCalibration::remove_smooth_part() {
 }
 
 Eigen::Vector3d BeamCalibration::correction(std::size_t ring, const Eigen::Vector3d& beam_m) const {
-  if (ring >= beams_.size()) return Eigen::Vector3d::Zero();
-  return -motions(beam_m) * beams_[ring].error;
+  return -motions(beam_m) * (error(ring) + Eigen::Vector2d(0.0, common_elevation_rad_));
 }
 
 Eigen::Vector2d BeamCalibration::error(std::size_t ring) const {

@@ -32,6 +32,9 @@ constexpr int kStartScans = 3;
 constexpr int kScansBeforeVelocity = 2;  ///< so many are deskewed without one
 constexpr int kStartIterations = 20;
 constexpr double kStartMaxResidual = 1.0;
+/// Way on which what is known of the beams' elevation is taken over into the scans [m].
+constexpr double kElevationWay = 20.0;
+constexpr double kBeamsOfSigma = 16.0;  ///< that mapping.common_elevation_sigma holds for
 constexpr double kUsualMounting = 5.0;  ///< error of the mounting in its standard deviations
 constexpr double kLeastMountingSigma_deg = 0.05;
 
@@ -43,7 +46,15 @@ imu::NavState without_gravity(const imu::NavState& state, const imu::Preintegrat
   imu::NavState predicted = imu::predict(from, motion);
   predicted.g_odom = state.g_odom;
   predicted.mounting = state.mounting;
+  predicted.beam_elevation = state.beam_elevation;
   return predicted;
+}
+
+/// The mean of errors of so many beams.
+double common_elevation_sigma(const FeatureSet& features, double sigma_rad) {
+  double beams = 1.0;
+  for (const Point& point : features.planes) beams = std::max(beams, 1.0 + point.ring);
+  return sigma_rad * std::sqrt(kBeamsOfSigma / beams);
 }
 
 }  // namespace
@@ -87,6 +98,9 @@ class Estimator::Implementation {
   void add_directions(const MatchInput& input, const imu::NavState& at, const MatchSettings& settings,
                       LidarInformation* information, EstimateResult* result) const;
   void adopt_imu(const std::optional<ImuStart::Found>& found);
+  void start_smoother(const imu::NavState& state, Smoother::InitialSigma sigma);
+  Eigen::Vector3d bend_to(const imu::NavState& predicted) const;
+  void take_out_beam_elevation();
   bool decide_keyframe();
   void report_mounting(const imu::NavState& state);
 
@@ -103,6 +117,8 @@ class Estimator::Implementation {
   std::optional<FeatureSet> first_;  ///< the first scan, until the second has come
   BeamCorrection beams_;
   AdaptedSettings adapted_;
+  double radius_m_ = 0.0;  ///< of the features matched last
+  double common_elevation_sigma_rad_ = 0.0;
   int scan_count_ = 0;
   int map_scans_ = 0;  ///< since the local map was begun
   bool has_restarted_ = false;
@@ -115,12 +131,16 @@ class Estimator::Implementation {
 
 void Estimator::Implementation::start(const FeatureSet& features,
                                       const std::optional<imu::Preintegration>& imu) {
+  if (config_.mapping.calibrate_beams) {
+    common_elevation_sigma_rad_ =
+        common_elevation_sigma(features, config_.mapping.common_elevation_sigma_deg * M_PI / 180.0);
+  }
   if (resumed_ && resumed_->stamp == features.stamp) {
     Smoother::InitialSigma sigma;
     sigma.velocity = 0.5;
     sigma.gyro_bias = 2e-3;
     sigma.gravity = 0.02;
-    smoother_.start(*resumed_, sigma);
+    start_smoother(*resumed_, sigma);
     reporter_->report(Severity::kInfo, "resumed",
                       "mapping goes on from the newest estimate before its restart");
     return;
@@ -135,7 +155,7 @@ void Estimator::Implementation::start(const FeatureSet& features,
         Severity::kWarning, "lidar_only",
         "no IMU data: the motion is predicted by constant velocity; sensor.imu_topic names the topic");
   }
-  smoother_.start(first, Smoother::InitialSigma());
+  start_smoother(first, Smoother::InitialSigma());
   if (imu) adopt_imu(imu_start_.at_rest(first, *imu));
 }
 
@@ -150,17 +170,18 @@ void Estimator::Implementation::predict(const FeatureSet& features,
           "no IMU data for the interval before a scan: its motion is predicted by constant velocity");
     }
     const imu::Preintegration motion = imu::constant_velocity(newest, features.stamp, config_.imu);
-    smoother_.add(without_gravity(newest, motion), motion, false);
+    smoother_.add(without_gravity(newest, motion), motion, false, Eigen::Vector3d::Zero());
     return;
   }
   if (newest.imu_status == imu::ImuStatus::kInitialised) {
-    smoother_.add(imu::predict(newest, *imu), *imu, true);
+    const imu::NavState predicted = imu::predict(newest, *imu);
+    smoother_.add(predicted, *imu, true, bend_to(predicted));
     return;
   }
   const imu::Preintegration motion = imu::gyro_only(*imu, config_.imu);
   imu::NavState predicted = without_gravity(newest, motion);
   predicted.imu_status = imu::ImuStatus::kInitialising;
-  smoother_.add(predicted, motion, false);
+  smoother_.add(predicted, motion, false, Eigen::Vector3d::Zero());
 }
 
 /// At a start in motion nothing predicts the second scan, and neither it nor the first was deskewed.
@@ -176,7 +197,7 @@ void Estimator::Implementation::search_motion(const std::optional<imu::Preintegr
   before_.v_odom = *v_odom;
   map_ = LocalMap(config_.mapping);
   map_.insert(moved_while_scanned(first, before_, T_imu_lidar_), before_.T_odom_imu(), T_imu_lidar_);
-  smoother_.start(before_, Smoother::InitialSigma());
+  start_smoother(before_, Smoother::InitialSigma());
   predict(*features, imu);
   *features = moved_while_scanned(*features, smoother_.newest(), T_imu_lidar_);
   reporter_->report(Severity::kInfo, "start_motion",
@@ -279,7 +300,7 @@ void Estimator::Implementation::begin_map_anew(const EstimateResult& result, con
                         std::to_string(result.state.v_odom.norm()) +
                         " m/s, whose error remains. After a long gap without scans this is as it should be; "
                         "otherwise check sensor.T_imu_lidar and the clocks");
-  smoother_.start(result.state, sigma);
+  start_smoother(result.state, sigma);
   drift_.begin_anew(result.map_covariance);
   map_ = candidate_.take();
   imu_start_.reset();
@@ -290,8 +311,30 @@ void Estimator::Implementation::begin_map_anew(const EstimateResult& result, con
 
 void Estimator::Implementation::adopt_imu(const std::optional<ImuStart::Found>& found) {
   if (!found) return;
-  smoother_.start(found->state, found->sigma);
+  start_smoother(found->state, found->sigma);
   imu_start_.reset();
+}
+
+void Estimator::Implementation::start_smoother(const imu::NavState& state, Smoother::InitialSigma sigma) {
+  sigma.beam_elevation = common_elevation_sigma_rad_;
+  smoother_.start(state, sigma);
+}
+
+/// Of the map on the step from the newest state to `predicted`; nothing while no features tell its size.
+Eigen::Vector3d Estimator::Implementation::bend_to(const imu::NavState& predicted) const {
+  if (radius_m_ <= 0.0) return Eigen::Vector3d::Zero();
+  const imu::NavState& newest = smoother_.newest();
+  const Eigen::Vector3d step_m = newest.q_odom_imu.conjugate() * (predicted.t_odom_imu - newest.t_odom_imu);
+  return map_bend(T_imu_lidar_.linear().col(2), step_m, radius_m_);
+}
+
+/// Not at once: what is known of it still changes, and the map was made without.
+void Estimator::Implementation::take_out_beam_elevation() {
+  const imu::NavState& newest = smoother_.newest();
+  const double way_m = (newest.t_odom_imu - before_.t_odom_imu).norm();
+  const double part = std::min(1.0, way_m / kElevationWay) * newest.beam_elevation;
+  beams_.add_common_elevation(part);
+  smoother_.reduce_beam_elevation(part);
 }
 
 void Estimator::Implementation::report_mounting(const imu::NavState& state) {
@@ -344,6 +387,7 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
     const LidarInformation information = optimise(
         make_match_input(features, config_.mapping, T_imu_lidar_, adapted_.feature_voxel_m), &result);
     radius_m = information.radius_m;
+    radius_m_ = radius_m;
     result.matched_planes = information.planes;
     result.matched_edges = information.edges;
     result.matched_textures = information.textures;
@@ -384,7 +428,10 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
                           "): its pose is a prediction");
   }
   const bool is_settled = result.is_healthy && result.state.imu_status == imu::ImuStatus::kInitialised;
-  if (config_.mapping.calibrate_beams && is_settled) beams_.learn(features, result.state, map_.planes());
+  if (config_.mapping.calibrate_beams && is_settled) {
+    beams_.learn(features, result.state, map_.planes());
+    take_out_beam_elevation();
+  }
   bool is_restart = false;
   if (result.is_healthy) {
     candidate_.reset();

@@ -22,6 +22,8 @@ constexpr int kGyroBias = 9;
 constexpr int kAccelBias = 12;
 constexpr int kGravity = 0;
 constexpr int kMounting = 3;
+constexpr int kBeamElevation = 6;
+constexpr double kLeastRadius = 1.0;  ///< of the features [m]
 
 using Vector3Map = Eigen::Map<const Eigen::Vector3d>;
 template <int Rows, int Columns>
@@ -38,15 +40,18 @@ imu::NavState apply(const imu::NavState& state, const double* delta_state, const
   moved.accel_bias += Vector3Map(delta_state + kAccelBias);
   moved.g_odom += Vector3Map(delta_shared + kGravity);
   moved.mounting += Vector3Map(delta_shared + kMounting);
+  moved.beam_elevation += delta_shared[kBeamElevation];
   return moved;
 }
 
 MotionCost::MotionCost(const imu::NavState& nominal_i, const imu::NavState& nominal_j,
-                       const imu::Preintegration& preintegration, bool with_gravity)
+                       const imu::Preintegration& preintegration, bool with_gravity,
+                       const Eigen::Vector3d& bend)
     : nominal_i_(nominal_i),
       nominal_j_(nominal_j),
       preintegration_(preintegration),
-      with_gravity_(with_gravity) {
+      with_gravity_(with_gravity),
+      bend_(bend) {
   // Order of the residual is that of the covariance: [dtheta, dp, dv, db_g, db_a]. Position and velocity of a
   // single short step are fully correlated, hence the floor.
   Matrix15d covariance = preintegration.covariance;
@@ -66,12 +71,19 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
   const imu::CorrectedDelta delta = imu::corrected(preintegration_, i.gyro_bias, i.accel_bias);
   const Eigen::Vector3d g = with_gravity_ ? i.g_odom : Eigen::Vector3d::Zero();
   const Eigen::Matrix3d Ri_T = i.q_odom_imu.toRotationMatrix().transpose();
-  const Eigen::Vector3d dv = Ri_T * (j.v_odom - i.v_odom - dt * g);
-  const Eigen::Vector3d dp = Ri_T * (j.t_odom_imu - i.t_odom_imu - dt * i.v_odom - 0.5 * dt * dt * g);
+  const Eigen::Vector3d turn = -i.beam_elevation * bend_;
+  const Eigen::Matrix3d E = so3::exp(turn);
+  const Eigen::Matrix3d half_E = so3::exp(Eigen::Vector3d(0.5 * turn));
+  const Eigen::Vector3d v_j = Ri_T * j.v_odom;
+  const Eigen::Vector3d v_fallen = Ri_T * (i.v_odom + dt * g);
+  const Eigen::Vector3d step = Ri_T * (j.t_odom_imu - i.t_odom_imu);
+  const Eigen::Vector3d step_fallen = Ri_T * (dt * i.v_odom + 0.5 * dt * dt * g);
+  const Eigen::Vector3d dv = E * v_j - v_fallen;
+  const Eigen::Vector3d dp = half_E * step - step_fallen;
 
   Vector15d r;
-  const Eigen::Vector3d r_theta =
-      so3::log(Eigen::Quaterniond(delta.delta_q.conjugate() * i.q_odom_imu.conjugate() * j.q_odom_imu));
+  const Eigen::Vector3d r_theta = so3::log(Eigen::Quaterniond(delta.delta_q.conjugate() * so3::exp_q(turn) *
+                                                              i.q_odom_imu.conjugate() * j.q_odom_imu));
   r.segment<3>(kTheta) = r_theta;
   r.segment<3>(kPosition) = dp - delta.delta_p;
   r.segment<3>(kVelocity) = dv - delta.delta_v;
@@ -88,18 +100,20 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
   const Eigen::Matrix3d jr_i = R_imu_pose * so3::right_jacobian(Vector3Map(parameters[0]));
   const Eigen::Matrix3d jr_j = R_imu_pose * so3::right_jacobian(Vector3Map(parameters[1]));
   const Eigen::Matrix3d Rj_T_Ri = (j.q_odom_imu.conjugate() * i.q_odom_imu).toRotationMatrix();
+  const Eigen::Matrix3d dp_dtheta = half_E * so3::hat(step) - so3::hat(step_fallen);
+  const Eigen::Matrix3d dv_dtheta = E * so3::hat(v_j) - so3::hat(v_fallen);
   if (jacobians[0] != nullptr) {
     Matrix15d J = Matrix15d::Zero();
     const Eigen::Vector3d bias_turn = preintegration_.dq_dbg * (i.gyro_bias - preintegration_.gyro_bias);
     J.block<3, 3>(kTheta, kTheta) = -jr_inv * Rj_T_Ri * jr_i;
     J.block<3, 3>(kTheta, kGyroBias) =
         -jr_inv * so3::exp(r_theta).transpose() * so3::right_jacobian(bias_turn) * preintegration_.dq_dbg;
-    J.block<3, 3>(kPosition, kTheta) = so3::hat(dp) * jr_i;
-    J.block<3, 3>(kPosition, kPosition) = -Ri_T;
+    J.block<3, 3>(kPosition, kTheta) = dp_dtheta * jr_i;
+    J.block<3, 3>(kPosition, kPosition) = -half_E * Ri_T;
     J.block<3, 3>(kPosition, kVelocity) = -dt * Ri_T;
     J.block<3, 3>(kPosition, kGyroBias) = -preintegration_.dp_dbg;
     J.block<3, 3>(kPosition, kAccelBias) = -preintegration_.dp_dba;
-    J.block<3, 3>(kVelocity, kTheta) = so3::hat(dv) * jr_i;
+    J.block<3, 3>(kVelocity, kTheta) = dv_dtheta * jr_i;
     J.block<3, 3>(kVelocity, kVelocity) = -Ri_T;
     J.block<3, 3>(kVelocity, kGyroBias) = -preintegration_.dv_dbg;
     J.block<3, 3>(kVelocity, kAccelBias) = -preintegration_.dv_dba;
@@ -110,8 +124,8 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
   if (jacobians[1] != nullptr) {
     Matrix15d J = Matrix15d::Zero();
     J.block<3, 3>(kTheta, kTheta) = jr_inv * jr_j;
-    J.block<3, 3>(kPosition, kPosition) = Ri_T;
-    J.block<3, 3>(kVelocity, kVelocity) = Ri_T;
+    J.block<3, 3>(kPosition, kPosition) = half_E * Ri_T;
+    J.block<3, 3>(kVelocity, kVelocity) = E * Ri_T;
     J.block<3, 3>(kGyroBias, kGyroBias) = I;
     J.block<3, 3>(kAccelBias, kAccelBias) = I;
     Eigen::Map<RowMajor<15, 15>>{jacobians[1]} = sqrt_information_ * J;
@@ -123,9 +137,13 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
       J.block<3, 3>(kPosition, kGravity) = -0.5 * dt * dt * Ri_T;
       J.block<3, 3>(kVelocity, kGravity) = -dt * Ri_T;
       J.block<3, 3>(kTheta, kMounting) = jr_inv * (I - Rj_T_Ri) * jr_mounting;
-      J.block<3, 3>(kPosition, kMounting) = so3::hat(dp) * jr_mounting;
-      J.block<3, 3>(kVelocity, kMounting) = so3::hat(dv) * jr_mounting;
+      J.block<3, 3>(kPosition, kMounting) = dp_dtheta * jr_mounting;
+      J.block<3, 3>(kVelocity, kMounting) = dv_dtheta * jr_mounting;
     }
+    // The turn is always about the same axis, whose derivatives need no Jacobian of the rotation group.
+    J.block<3, 1>(kTheta, kBeamElevation) = -jr_inv * Rj_T_Ri * bend_;
+    J.block<3, 1>(kPosition, kBeamElevation) = -0.5 * bend_.cross(half_E * step);
+    J.block<3, 1>(kVelocity, kBeamElevation) = -bend_.cross(E * v_j);
     Eigen::Map<RowMajor<15, kSharedSize>>{jacobians[2]} = sqrt_information_ * J;
   }
   return true;
@@ -170,6 +188,7 @@ bool PriorCost::Evaluate(double const* const* parameters, double* residuals, dou
   d.segment<3>(kAccelBias) = state.accel_bias - origin.accel_bias;
   d.segment<3>(kStateSize + kGravity) = state.g_odom - origin.g_odom;
   d.segment<3>(kStateSize + kMounting) = state.mounting - origin.mounting;
+  d[kStateSize + kBeamElevation] = state.beam_elevation - origin.beam_elevation;
   Eigen::Map<PriorVector>{residuals} = prior_.sqrt_information * d + prior_.offset;
   if (jacobians == nullptr) return true;
   if (jacobians[0] != nullptr) {
@@ -198,6 +217,10 @@ bool GravityNormCost::Evaluate(double const* const* parameters, double* residual
     Eigen::Map<RowMajor<1, kSharedSize>>{jacobians[0]} = J;
   }
   return true;
+}
+
+Eigen::Vector3d map_bend(const Eigen::Vector3d& spin_axis, const Eigen::Vector3d& step_m, double radius_m) {
+  return -spin_axis.cross(step_m) / std::max(radius_m, kLeastRadius);
 }
 
 void factorise(const Eigen::MatrixXd& H, const Eigen::VectorXd& b, double relative_tolerance,

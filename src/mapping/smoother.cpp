@@ -17,8 +17,15 @@ namespace {
 
 /// Standard deviation of a mounting that is taken as stated [rad].
 constexpr double kKnownMounting = 1e-6;
-/// Variances of a walk below this are none [(m/s^2)^2].
+/// Standard deviation of an elevation of the beams that is taken as stated [rad].
+constexpr double kKnownElevation = 1e-6;
+/// Least variance of a walk, which must be some [(m/s^2)^2].
 constexpr double kLeastWalk = 1e-14;
+/// Steps below this leave what all states share as it is [m].
+constexpr double kLeastStep = 1e-6;
+/// Way on which the beams' common elevation may change by its standard deviation: bends of other causes,
+/// which it stands for too, change with the surroundings [m].
+constexpr double kElevationWay = 3000.0;
 constexpr int kMaxIterations = 3;  ///< the association is renewed outside, so that few inner steps suffice
 
 Eigen::MatrixXd to_dense(const ceres::CRSMatrix& sparse) {
@@ -50,9 +57,9 @@ class Smoother::Problem {
     problem_.AddResidualBlock(new PriorCost(window[0].state, smoother.prior_), nullptr, states_[0].data(),
                               shared_.data());
     for (std::size_t k = 1; k < count; ++k) {
-      problem_.AddResidualBlock(
-          new MotionCost(window[k - 1].state, window[k].state, window[k].motion, window[k].with_gravity),
-          nullptr, states_[k - 1].data(), states_[k].data(), shared_.data());
+      problem_.AddResidualBlock(new MotionCost(window[k - 1].state, window[k].state, window[k].motion,
+                                               window[k].with_gravity, window[k].bend),
+                                nullptr, states_[k - 1].data(), states_[k].data(), shared_.data());
     }
     for (std::size_t k = 0; k < lidar_count; ++k) {
       if (!window[k].lidar) continue;
@@ -94,12 +101,12 @@ class Smoother::Problem {
   }
 
   const Vector15d& state(std::size_t k) const { return states_[k]; }
-  const Vector6d& shared() const { return shared_; }
+  const SharedVector& shared() const { return shared_; }
 
  private:
   ceres::Problem problem_;
   std::vector<Vector15d> states_;
-  Vector6d shared_ = Vector6d::Zero();
+  SharedVector shared_ = SharedVector::Zero();
 };
 
 Smoother::Smoother(int window_size, double gravity_mps2, double mounting_sigma_rad, double tilt_walk)
@@ -117,7 +124,9 @@ void Smoother::start(const imu::NavState& state, const InitialSigma& sigma) {
   const double sigmas[] = {sigma.theta,      sigma.position, sigma.velocity,     sigma.gyro_bias,
                            sigma.accel_bias, sigma.gravity,  mounting_sigma_rad_};
   Eigen::MatrixXd H = Eigen::MatrixXd::Zero(kPriorSize, kPriorSize);
-  for (int k = 0; k < kPriorSize; ++k) H(k, k) = 1.0 / (sigmas[k / 3] * sigmas[k / 3]);
+  beam_elevation_sigma_ = std::max(sigma.beam_elevation, kKnownElevation);
+  for (int k = 0; k < kPriorSize - 1; ++k) H(k, k) = 1.0 / (sigmas[k / 3] * sigmas[k / 3]);
+  H(kPriorSize - 1, kPriorSize - 1) = 1.0 / (beam_elevation_sigma_ * beam_elevation_sigma_);
   if (sigma.rest_acceleration > 0.0) {
     // Measured at rest in the axes of the IMU: a = b_a - Exp(mounting)' R' g.
     const Eigen::Quaterniond q_odom_imu = state.q_odom_imu * so3::exp_q(state.mounting);
@@ -134,14 +143,21 @@ void Smoother::start(const imu::NavState& state, const InitialSigma& sigma) {
   prior_.sqrt_information = A;
 }
 
-void Smoother::add(const imu::NavState& predicted, const imu::Preintegration& motion, bool with_gravity) {
+void Smoother::add(const imu::NavState& predicted, const imu::Preintegration& motion, bool with_gravity,
+                   const Eigen::Vector3d& bend) {
   while (static_cast<int>(window_.size()) >= window_size_) marginalise_oldest();
   Entry entry;
   entry.state = predicted;
   entry.motion = motion;
   entry.has_motion = true;
   entry.with_gravity = with_gravity;
+  entry.bend = bend;
   window_.push_back(entry);
+}
+
+void Smoother::reduce_beam_elevation(double taken_out) {
+  for (Entry& entry : window_) entry.state.beam_elevation -= taken_out;
+  prior_.linearisation.beam_elevation -= taken_out;
 }
 
 void Smoother::set_lidar(const LidarInformation& information) { window_.back().lidar = information; }
@@ -193,7 +209,7 @@ void Smoother::marginalise_oldest() {
   const Eigen::LDLT<Eigen::MatrixXd> solver(Hmm);
   Eigen::MatrixXd Hrr = H.bottomRightCorner<kPriorSize, kPriorSize>() - Hrm * solver.solve(Hrm.transpose());
   Eigen::VectorXd br = b.tail<kPriorSize>() - Hrm * solver.solve(b.head<kStateSize>());
-  walk_gravity((window_[1].state.t_odom_imu - window_[0].state.t_odom_imu).norm(), &Hrr, &br);
+  move_on(window_[0].state, window_[1], &Hrr, &br);
   Eigen::MatrixXd A;
   Eigen::VectorXd e;
   factorise(Hrr, br, 1e-16, &A, &e);
@@ -204,17 +220,35 @@ void Smoother::marginalise_oldest() {
   window_.front().has_motion = false;
 }
 
-/// P + G Q G' in terms of H = P^-1 and b, by Woodbury's identity; G picks gravity out, whose magnitude a
-/// factor of its own holds.
-void Smoother::walk_gravity(double way_m, Eigen::MatrixXd* H, Eigen::VectorXd* b) const {
-  const double sigma_mps2 = tilt_walk_ * gravity_mps2_;
-  const double variance = sigma_mps2 * sigma_mps2 * way_m;
-  if (variance < kLeastWalk) return;
-  const Eigen::MatrixXd HG = H->middleCols<3>(kStateSize);
-  const Eigen::Matrix3d S = (Eigen::Matrix3d::Identity() / variance + HG.middleRows<3>(kStateSize)).inverse();
-  const Eigen::Vector3d b_gravity = b->segment<3>(kStateSize);
+/// With x = [state, g, mounting, c] the step is g' = g + (R k c) x g, or x' = A x + noise about the values at
+/// `to`, and the information becomes A^-T H A^-1. The noise is added as P + G Q G' in terms of H = P^-1 and
+/// b, by Woodbury's identity; G picks out gravity, whose magnitude a factor of its own holds, and c.
+void Smoother::move_on(const imu::NavState& from, const Entry& to, Eigen::MatrixXd* H,
+                       Eigen::VectorXd* b) const {
+  const double step_m = (to.state.t_odom_imu - from.t_odom_imu).norm();
+  if (step_m < kLeastStep) return;
+  constexpr int kGravity = kStateSize;
+  constexpr int kElevation = kPriorSize - 1;
+  const Eigen::Vector3d turn = (from.q_odom_imu * to.bend).cross(to.state.g_odom);
+  PriorMatrix A_inverse = PriorMatrix::Identity();
+  A_inverse.block<3, 1>(kGravity, kElevation) = -turn;
+  PriorVector moved = PriorVector::Zero();
+  moved.segment<3>(kGravity) = turn * to.state.beam_elevation;
+  *H = A_inverse.transpose() * *H * A_inverse;
+  *b = A_inverse.transpose() * *b - *H * moved;
+  const double tilt_mps2 = tilt_walk_ * gravity_mps2_;
+  Eigen::Vector4d variances;
+  variances.head<3>().setConstant(std::max(tilt_mps2 * tilt_mps2 * step_m, kLeastWalk));
+  variances[3] = beam_elevation_sigma_ * beam_elevation_sigma_ * step_m / kElevationWay;
+  Eigen::Matrix<double, kPriorSize, 4> G = Eigen::Matrix<double, kPriorSize, 4>::Zero();
+  G.block<3, 3>(kGravity, 0).setIdentity();
+  G(kElevation, 3) = 1.0;
+  const Eigen::Matrix<double, kPriorSize, 4> HG = *H * G;
+  const Eigen::Matrix4d S =
+      (Eigen::Matrix4d(variances.cwiseInverse().asDiagonal()) + G.transpose() * HG).inverse();
+  const Eigen::Vector4d b_walked = G.transpose() * *b;
   *H -= HG * S * HG.transpose();
-  *b -= HG * S * b_gravity;
+  *b -= HG * S * b_walked;
 }
 
 }  // namespace fdi_lio::mapping

@@ -77,6 +77,16 @@ TEST(BeamCalibration, CorrectionMovesAPointAgainstItsError) {
   EXPECT_EQ(calibration.correction(500, far), Eigen::Vector3d::Zero());
 }
 
+TEST(BeamCalibration, CommonElevationTurnsEveryBeam) {
+  BeamCalibration calibration{BeamCalibrationConfig()};
+  calibration.add_common_elevation(3e-3);
+  calibration.add_common_elevation(-1e-3);
+  const Eigen::Vector3d corrected =
+      beam(20.0, 0.1 + 2e-3, 0.7) + calibration.correction(3, beam(20.0, 0.1 + 2e-3, 0.7));
+  EXPECT_LT((corrected - beam(20.0, 0.1, 0.7)).norm(), 1e-4);
+  EXPECT_EQ(calibration.error(3), Eigen::Vector2d::Zero());
+}
+
 TEST(BeamCalibration, ErrorsThatAreSmoothOverTheBeamsAreLeft) {
   // A tilt or a bend of all beams together could as well be one of the world.
   std::vector<Eigen::Vector2d> errors(kRings);

@@ -1,6 +1,7 @@
 #include "synthetic_motion.hpp"
 #include <gtest/gtest.h>
 
+#include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
 
@@ -36,7 +37,7 @@ class Window : public testing::Test {
     smoother.start(first, Smoother::InitialSigma());
     for (int k = 0; k < count; ++k) {
       const imu::Preintegration p = interval(k, smoother.newest());
-      smoother.add(imu::predict(smoother.newest(), p), p, true);
+      smoother.add(imu::predict(smoother.newest(), p), p, true, Eigen::Vector3d::Zero());
       smoother.set_lidar(lidar_at(in_tilting_map(k + 1)));
       EXPECT_TRUE(smoother.solve());
     }
@@ -98,6 +99,46 @@ TEST_F(Window, GravityFollowsAMapThatTilts) {
   EXPECT_GT((fixed.g_odom - g).norm(), 2.0 * (found.g_odom - g).norm());
 }
 
+// All beams point too high: the map bends as map_bend() says. The smoother finds by how much, gravity stays
+// right, and what is said to be taken out of the scans is not found again.
+TEST_F(Window, FindsTheElevationThatBendsTheMap) {
+  constexpr double kElevation = 4e-3;
+  constexpr double kRadius = 5.0;
+  constexpr int kTakenOutAt = 200;
+  Smoother smoother(4, 9.81, 0.0, 1e-4);
+  Smoother::InitialSigma sigma;
+  sigma.beam_elevation = 5e-3;
+  imu::NavState mapped = motion_.state(0.0);
+  smoother.start(mapped, sigma);
+  Eigen::Quaterniond turned = Eigen::Quaterniond::Identity();
+  imu::NavState found;
+  for (int k = 0; k < 2 * kTakenOutAt; ++k) {
+    const imu::NavState before = motion_.state(0.1 * k);
+    const imu::NavState now = motion_.state(0.1 * (k + 1));
+    const Eigen::Vector3d step = now.t_odom_imu - before.t_odom_imu;
+    const Eigen::Vector3d bend =
+        map_bend(Eigen::Vector3d::UnitZ(), before.q_odom_imu.conjugate() * step, kRadius);
+    const double elevation = k < kTakenOutAt ? kElevation : 0.0;
+    mapped.t_odom_imu += turned * step;
+    turned = turned * so3::exp_q(Eigen::Vector3d(before.q_odom_imu * bend * elevation));
+    mapped.q_odom_imu = turned * now.q_odom_imu;
+    mapped.g_odom = turned * now.g_odom;
+    const imu::Preintegration p = interval(k, smoother.newest());
+    smoother.add(imu::predict(smoother.newest(), p), p, true, bend);
+    smoother.set_lidar(lidar_at(mapped));
+    ASSERT_TRUE(smoother.solve());
+    if (k + 1 == kTakenOutAt) {
+      found = smoother.newest();
+      EXPECT_NEAR(found.beam_elevation, kElevation, 0.1 * kElevation);
+      EXPECT_LT((found.g_odom - mapped.g_odom).norm(), 0.05);
+      EXPECT_LT((found.accel_bias - accel_bias_).norm(), 0.05) << found.accel_bias.transpose();
+      smoother.reduce_beam_elevation(found.beam_elevation);
+    }
+  }
+  EXPECT_NEAR(smoother.newest().beam_elevation, 0.0, 0.1 * kElevation);
+  EXPECT_LT((smoother.newest().g_odom - mapped.g_odom).norm(), 0.05);
+}
+
 TEST_F(Window, MarginalisationLosesNothingOnALinearProblem) {
   // A window that holds everything and one that marginalises almost everything see the same information.
   const imu::NavState all = run(20, 19);
@@ -117,7 +158,7 @@ TEST_F(Window, WithoutLidarTheCovarianceGrows) {
   smoother.start(motion_.state(0.0), Smoother::InitialSigma());
   for (int k = 0; k < 10; ++k) {
     const imu::Preintegration p = interval(k, smoother.newest());
-    smoother.add(imu::predict(smoother.newest(), p), p, true);
+    smoother.add(imu::predict(smoother.newest(), p), p, true, Eigen::Vector3d::Zero());
     ASSERT_TRUE(smoother.solve());
   }
   EXPECT_GT(smoother.covariance()(3, 3), 100.0 * with_lidar(3, 3));

@@ -138,6 +138,7 @@ struct MappingConfig {
   bool calibrate_beams = true;
   double beam_range_sigma_m = 0.02;
   double beam_elevation_sigma_deg = 0.05;
+  double common_elevation_sigma_deg = 0.05;
   double line_max_thickness_m = 0.05;
 
   void visit(ParameterVisitor& visitor);

@@ -39,6 +39,9 @@ struct NavState {
   /// Rotation vector from the pose's axes, which are those of the lidar turned by the stated T_imu_lidar, to
   /// the IMU's own [rad]: R_odom_imu Exp(mounting) is the attitude of the IMU.
   Eigen::Vector3d mounting = Eigen::Vector3d::Zero();
+  /// Error of elevation that all beams of the lidar share, as far as it is not yet taken out of the scans
+  /// [rad]: the map bends with it on the way.
+  double beam_elevation = 0.0;
   Eigen::Vector3d w_imu = Eigen::Vector3d::Zero();  ///< bias-free angular velocity at `stamp` [rad/s]
   ImuStatus imu_status = ImuStatus::kNone;
 

@@ -37,10 +37,13 @@ class BeamCalibration {
   /// Ends a scan: solves for the errors of every beam and forgets a little.
   void update();
 
+  /// Adds to the error of elevation that all beams share, which residuals do not show.
+  void add_common_elevation(double error_rad) { common_elevation_rad_ += error_rad; }
+
   /// What to add to the position of a point, [m] in the lidar frame.
   Eigen::Vector3d correction(std::size_t ring, const Eigen::Vector3d& beam_m) const;
 
-  /// [range m, elevation rad] of a beam; zero for beams never seen.
+  /// [range m, elevation rad] of a beam without what all share; zero for beams never seen.
   Eigen::Vector2d error(std::size_t ring) const;
 
  private:
@@ -54,6 +57,7 @@ class BeamCalibration {
 
   BeamCalibrationConfig config_;
   std::vector<Beam> beams_;
+  double common_elevation_rad_ = 0.0;
 };
 
 }  // namespace fdi_lio::mapping

@@ -21,6 +21,9 @@ class BeamCorrection {
   /// scan's reference stamp, or its prediction.
   FeatureSet apply(const FeatureSet& features, const imu::NavState& state) const;
 
+  /// From now on `error_rad` more is taken out of the elevation of all beams.
+  void add_common_elevation(double error_rad) { beams_.add_common_elevation(error_rad); }
+
   /// Learns from the planes of a scan that `apply` has corrected, against those planes of the map that many
   /// scans have smoothed.
   void learn(const FeatureSet& corrected, const imu::NavState& state, const VoxelMap& plane_map);

@@ -8,15 +8,16 @@
 
 /// Cost functions of the fixed-lag smoother. Every parameter block is a perturbation of a nominal state, in
 /// the tangent order of docs/conventions.md: state [dtheta, dt, dv, db_g, db_a] (15), and what all states of
-/// the window share, [gravity dg, mounting] (6). Jacobians are analytic.
+/// the window share, [gravity dg, mounting, beam elevation] (7). Jacobians are analytic.
 namespace fdi_lio::mapping {
 
 constexpr int kStateSize = 15;
-constexpr int kSharedSize = 6;
+constexpr int kSharedSize = 7;
 constexpr int kPriorSize = kStateSize + kSharedSize;
 
 using Vector15d = Eigen::Matrix<double, kStateSize, 1>;
 using Matrix15d = Eigen::Matrix<double, kStateSize, kStateSize>;
+using SharedVector = Eigen::Matrix<double, kSharedSize, 1>;
 using PriorVector = Eigen::Matrix<double, kPriorSize, 1>;
 using PriorMatrix = Eigen::Matrix<double, kPriorSize, kPriorSize>;
 
@@ -27,10 +28,14 @@ imu::NavState apply(const imu::NavState& state, const double* delta_state, const
 /// whitened by the preintegration's covariance. Blocks: state i, state j, shared. The attitudes in it are
 /// those of the IMU, R Exp(mounting). Without gravity (constant velocity, or an IMU whose gravity is unknown)
 /// the velocity change is taken as it is, and the mounting as stated.
+///
+/// `bend` k (map_bend()): what the frame of the states turned by from i to j for each radian of
+/// NavState::beam_elevation = c, in the axes of the body at i. Seen from a frame that does not turn, R_i' R_j
+/// is E R_i' R_j with E = Exp(-k c), the velocity at j turns alike, and the step by half of it.
 class MotionCost : public ceres::SizedCostFunction<15, kStateSize, kStateSize, kSharedSize> {
  public:
   MotionCost(const imu::NavState& nominal_i, const imu::NavState& nominal_j,
-             const imu::Preintegration& preintegration, bool with_gravity);
+             const imu::Preintegration& preintegration, bool with_gravity, const Eigen::Vector3d& bend);
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  private:
@@ -38,6 +43,7 @@ class MotionCost : public ceres::SizedCostFunction<15, kStateSize, kStateSize, k
   imu::NavState nominal_j_;
   imu::Preintegration preintegration_;
   bool with_gravity_;
+  Eigen::Vector3d bend_;
   Matrix15d sqrt_information_;
 };
 
@@ -85,6 +91,12 @@ class GravityNormCost : public ceres::SizedCostFunction<1, kSharedSize> {
   Eigen::Vector3d g_odom_;
   double magnitude_;
 };
+
+/// What the map turns by on a step, for each radian that all beams point too high, in the axes of the body.
+/// Level ground looks like a cone about the sensor, higher all around. What lies ahead is laid into the map
+/// with that slope, and is what the sensor drives on later: the map turns by ds / L upwards, about the axis
+/// that lies across the step and the spin axis. `radius_m` L: root mean square distance of the features.
+Eigen::Vector3d map_bend(const Eigen::Vector3d& spin_axis, const Eigen::Vector3d& step_m, double radius_m);
 
 /// Square root A and offset e with A' A = H and A' e = b for a positive semi-definite H; directions whose
 /// eigenvalue is below `relative_tolerance` times the largest are left out.

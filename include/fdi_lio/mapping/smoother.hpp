@@ -18,7 +18,8 @@ class Smoother {
  public:
   /// `mounting_sigma_rad`: how well the rotation of T_imu_lidar is known about each axis; 0: it is not
   /// estimated. `tilt_walk`: how fast the local map, and with it the frame of the states, tilts against
-  /// gravity on the way [rad/sqrt(m)]: the random walk of gravity's direction in that frame.
+  /// gravity on the way [rad/sqrt(m)], beyond what NavState::beam_elevation explains: the random walk of
+  /// gravity's direction in that frame.
   Smoother(int window_size, double gravity_mps2, double mounting_sigma_rad, double tilt_walk);
 
   /// Standard deviations of the first state.
@@ -32,14 +33,19 @@ class Smoother {
     /// Of the mean acceleration measured at rest, which ties accelerometer bias and gravity together
     /// [m/s^2]; 0: not at rest.
     double rest_acceleration = 0.0;
+    double beam_elevation = 0.0;  ///< [rad]; 0: it is not estimated
   };
 
   /// Starts anew from one state.
   void start(const imu::NavState& state, const InitialSigma& sigma);
 
   /// Adds a state predicted by `motion` from the newest one; the oldest is marginalised when the window is
-  /// full.
-  void add(const imu::NavState& predicted, const imu::Preintegration& motion, bool with_gravity);
+  /// full. `bend`: of the map on that step (map_bend()).
+  void add(const imu::NavState& predicted, const imu::Preintegration& motion, bool with_gravity,
+           const Eigen::Vector3d& bend);
+
+  /// This much of NavState::beam_elevation [rad] is taken out of the scans from now on.
+  void reduce_beam_elevation(double taken_out);
 
   /// Sets (replaces) the lidar information of the newest state.
   void set_lidar(const LidarInformation& information);
@@ -63,18 +69,21 @@ class Smoother {
     imu::Preintegration motion;  ///< from the entry before
     bool has_motion = false;
     bool with_gravity = false;
+    Eigen::Vector3d bend = Eigen::Vector3d::Zero();  ///< of the map since the entry before
     std::optional<LidarInformation> lidar;
   };
   class Problem;
 
   void marginalise_oldest();
-  /// Adds what gravity may have turned by on `way_m` to the information (H, b) of [state, shared].
-  void walk_gravity(double way_m, Eigen::MatrixXd* H, Eigen::VectorXd* b) const;
+  /// Moves the information (H, b) of [state, shared] about `to` on by the step from `from`: gravity turns
+  /// with the map, and by an unknown part more, and the beams' elevation may change.
+  void move_on(const imu::NavState& from, const Entry& to, Eigen::MatrixXd* H, Eigen::VectorXd* b) const;
 
   int window_size_;
   double gravity_mps2_;
   double mounting_sigma_rad_;
   double tilt_walk_;
+  double beam_elevation_sigma_ = 0.0;
   std::deque<Entry> window_;
   StatePrior prior_;
 };
