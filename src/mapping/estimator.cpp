@@ -17,6 +17,7 @@
 #include "fdi_lio/mapping/localizability.hpp"
 #include "fdi_lio/mapping/map_candidate.hpp"
 #include "fdi_lio/mapping/map_drift.hpp"
+#include "fdi_lio/mapping/map_tilt.hpp"
 #include "fdi_lio/mapping/match_input.hpp"
 #include "fdi_lio/mapping/mounting.hpp"
 #include "fdi_lio/mapping/scan_matcher.hpp"
@@ -111,6 +112,7 @@ class Estimator::Implementation {
   Smoother smoother_;
   LocalMap map_;
   MapDrift drift_;
+  MapTilt tilt_;
   HealthMonitor health_;
   MapCandidate candidate_;
   ImuStart imu_start_;
@@ -414,12 +416,16 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
   report_mounting(result.state);
   const Matrix15d covariance = smoother_.covariance();
   result.map_covariance = covariance.topLeftCorner<6, 6>();
-  if (scan_count_ > 0) drift_.advance(before_, result.state, result.map_covariance, radius_m);
+  if (scan_count_ > 0) {
+    drift_.advance(before_, result.state, result.map_covariance, radius_m);
+    tilt_.advance(before_, result.state);
+  }
   if (scan_count_ == 0) T_odom_first_ = result.state.T_odom_imu();
   result.covariance = adapted_.noise_scale * config_.mapping.covariance_factor *
                           (result.map_covariance + drift_.covariance()) +
                       mounting_covariance(T_odom_first_, result.state.T_odom_imu(),
-                                          config_.sensor.mounting_sigma_deg * M_PI / 180.0);
+                                          config_.sensor.mounting_sigma_deg * M_PI / 180.0) +
+                      tilt_.error() * tilt_.error().transpose();
   result.velocity_covariance = covariance.block<3, 3>(6, 6);
   result.status.stamp = features.stamp;
   if (!result.is_healthy) {

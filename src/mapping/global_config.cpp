@@ -159,6 +159,13 @@ void LocalisationConfig::visit(ParameterVisitor& v) {
          confirm_distance_m, 0.0, 1000.0);
   v.real({"localisation.confirm_time", "s", "time over which they must agree, or the way above"},
          confirm_time_s, 0.0, 1000.0);
+  v.real({"localisation.ambiguity", "",
+          "another place with this share of the best one's fit (walls times brightness) keeps it from being "
+          "believed"},
+         ambiguity, 0.0, 1.0);
+  v.real({"localisation.min_fit", "",
+          "where the walls of several places are alike, walls times brightness must fit so well"},
+         min_fit, 0.0, 1.0);
   v.integer({"localisation.max_failures", "", "registrations that fail in a row before the place is lost"},
             max_failures, 1, 1000);
 }

@@ -8,6 +8,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "fdi_lio/mapping/brightness_match.hpp"
 #include "fdi_lio/mapping/loop_verifier.hpp"
 #include "fdi_lio/mapping/place_hypothesis.hpp"
 #include "fdi_lio/mapping/pose_tangent.hpp"
@@ -27,6 +28,8 @@ constexpr std::size_t kSourceScans = 4;
 constexpr double kNewScanM = 0.5;
 /// Places in the session that are nearer to each other are one candidate of the search.
 constexpr double kApartM = 5.0;
+/// Surfaces so near the newest scan are compared in brightness.
+constexpr double kBrightnessRadiusM = 12.0;
 /// What a registration can be off by without being wrong, besides its covariance.
 constexpr double kBaseSigmaM = 0.1;
 constexpr double kBaseSigmaRad = 0.5 * kDegree;
@@ -186,10 +189,14 @@ LoopCandidate Localiser::Implementation::register_at(const Eigen::Isometry3d& T_
   const std::size_t center = session_.nearest(T_map_imu.translation());
   const Eigen::Isometry3d& T_map_center = session_.T_map_imu(center);
   const RegistrationStart start = {T_map_center.inverse() * T_map_imu, sigma_m, sigma_rad};
-  LoopCandidate candidate =
-      verifier_.verify(session_.submap(center, config_.localisation.submap_radius_m,
-                                       static_cast<std::size_t>(config_.loop.submap_keyframes)),
-                       source(), start);
+  const std::vector<PlacedCloud> submap = session_.submap(
+      center, config_.localisation.submap_radius_m, static_cast<std::size_t>(config_.loop.submap_keyframes));
+  const std::vector<PlacedCloud> scans = source();
+  LoopCandidate candidate = verifier_.verify(submap, scans, start);
+  if (state_ != LocalisationState::kTracking && candidate.verdict == LoopVerdict::kPending)
+    candidate.surface_correlation = match_brightness(submap, scans, candidate.measured.T_from_to,
+                                                     config_.mapping.output_map_voxel_m, kBrightnessRadiusM)
+                                        .correlation;
   Matrix6d to_map = Matrix6d::Identity();
   to_map.bottomRightCorner<3, 3>() = T_map_center.linear();
   candidate.covariance = to_map * candidate.covariance * to_map.transpose();
@@ -283,13 +290,8 @@ LoopCandidate Localiser::Implementation::search(Stamp stamp) {
 void Localiser::Implementation::check(PlaceHypothesis* hypothesis, Stamp stamp, LoopCandidate* newest) {
   const LoopCandidate candidate = correct(&hypothesis->estimate, kModeSigmaM);
   if (candidate.wall_share >= newest->wall_share) *newest = candidate;
-  ++hypothesis->registrations;
-  if (candidate.verdict != LoopVerdict::kAccepted) {
-    ++hypothesis->failures;
-    return;
-  }
-  hypothesis->failures = 0;
-  hypothesis->score += fit_of(candidate);
+  hypothesis->add(candidate);
+  if (candidate.verdict != LoopVerdict::kAccepted) return;
   const double share = 1.0 / config_.localisation.confirmations;
   const bool is_new =
       recent_.back().way_m - hypothesis->confirmed_at_m >= share * config_.localisation.confirm_distance_m ||
@@ -333,8 +335,7 @@ std::vector<PlaceHypothesis> Localiser::Implementation::look_at(const Eigen::Iso
     hypothesis.found_at = hypothesis.confirmed_at = stamp;
     const LoopCandidate candidate = correct(&hypothesis.estimate, kModeSigmaM);
     if (candidate.verdict != LoopVerdict::kAccepted) continue;
-    hypothesis.registrations = 1;
-    hypothesis.score = fit_of(candidate);
+    hypothesis.add(candidate);
     hypothesis.known_sigma_m = known_sigma_m;
     hypotheses.push_back(hypothesis);
   }
@@ -377,8 +378,7 @@ void Localiser::Implementation::look_where_alike(Stamp stamp, LoopCandidate* new
 /// Believes the best hypothesis when no other place fits nearly as well.
 void Localiser::Implementation::decide(Stamp stamp) {
   const PlaceHypothesis* best =
-      believed(hypotheses_, expectation_, {stamp, T_odom_imu(), recent_.back().way_m}, config_.localisation,
-               config_.loop.ambiguity);
+      believed(hypotheses_, expectation_, {stamp, T_odom_imu(), recent_.back().way_m}, config_.localisation);
   if (best == nullptr) return;
   estimate_ = best->estimate;
   hypotheses_.clear();

@@ -29,23 +29,32 @@ bool is_same_place(const PlaceEstimate& a, const PlaceEstimate& b, const Eigen::
   return apart.tail<3>().norm() < kSamePlaceM && apart.head<3>().norm() < kSamePlaceRad;
 }
 
-bool is_believable(const PlaceHypothesis& hypothesis, const OdometryNow& now,
-                   const LocalisationConfig& config) {
+/// Whether enough registrations agree and every direction is known.
+bool is_known(const PlaceHypothesis& hypothesis, const OdometryNow& now, const LocalisationConfig& config) {
   if (hypothesis.confirmations < config.confirmations || hypothesis.failures > 0) return false;
-  const bool is_long = now.way_m - hypothesis.found_at_m >= config.confirm_distance_m ||
-                       seconds_between(hypothesis.found_at, now.stamp) >= config.confirm_time_s;
   const Matrix6d& covariance = hypothesis.estimate.covariance;
   // Between near walls a registration says little of the roll; gravity does.
   const Eigen::Vector3d up_imu = (hypothesis.estimate.T_map_odom * now.T_odom_imu).linear().row(2);
   const double heading_sigma = std::sqrt(up_imu.dot(covariance.topLeftCorner<3, 3>() * up_imu));
-  return is_long && largest_sigma(covariance.bottomRightCorner<3, 3>()) < hypothesis.known_sigma_m &&
+  return largest_sigma(covariance.bottomRightCorner<3, 3>()) < hypothesis.known_sigma_m &&
          heading_sigma < kKnownSigmaRad;
 }
 
 }  // namespace
 
 double fit_of(const LoopCandidate& candidate) {
-  return candidate.wall_share * 0.5 * (1.0 + candidate.intensity_correlation);
+  return candidate.wall_share * std::max(0.0, candidate.surface_correlation);
+}
+
+void PlaceHypothesis::add(const LoopCandidate& candidate) {
+  ++registrations;
+  if (candidate.verdict != LoopVerdict::kAccepted) {
+    ++failures;
+    return;
+  }
+  failures = 0;
+  walls += candidate.wall_share;
+  score += fit_of(candidate);
 }
 
 double largest_sigma(const Eigen::Matrix3d& covariance) {
@@ -84,19 +93,31 @@ void join_equal(const Eigen::Isometry3d& T_odom_imu, std::vector<PlaceHypothesis
 
 const PlaceHypothesis* believed(const std::vector<PlaceHypothesis>& hypotheses,
                                 const std::optional<PlaceExpectation>& expectation, const OdometryNow& now,
-                                const LocalisationConfig& config, double ambiguity) {
+                                const LocalisationConfig& config) {
   const auto belief_of = [&](const PlaceHypothesis& each) {
     return belief(each, expectation, now.T_odom_imu);
   };
   const auto best = std::max_element(
       hypotheses.begin(), hypotheses.end(),
       [&](const PlaceHypothesis& a, const PlaceHypothesis& b) { return belief_of(a) < belief_of(b); });
-  if (best == hypotheses.end() || !is_believable(*best, now, config)) return nullptr;
-  const bool is_unique =
-      std::none_of(hypotheses.begin(), hypotheses.end(), [&](const PlaceHypothesis& other) {
-        return &other != &*best && belief_of(other) > ambiguity * belief_of(*best);
-      });
-  return is_unique ? &*best : nullptr;
+  if (best == hypotheses.end() || !is_known(*best, now, config)) return nullptr;
+  const auto has_other = [&](const auto& is_alike) {
+    return std::any_of(hypotheses.begin(), hypotheses.end(),
+                       [&](const PlaceHypothesis& other) { return &other != &*best && is_alike(other); });
+  };
+  if (has_other([&](const PlaceHypothesis& other) {
+        return belief_of(other) > config.ambiguity * belief_of(*best);
+      }))
+    return nullptr;
+  const bool is_repeated = has_other([&](const PlaceHypothesis& other) {
+    return other.mean_walls() > config.ambiguity * best->mean_walls();
+  });
+  const bool has_moved = now.way_m - best->found_at_m >= config.confirm_distance_m;
+  const bool has_waited = seconds_between(best->found_at, now.stamp) >= config.confirm_time_s;
+  // Who stands still sees the same again, and what looks alike goes on to look alike.
+  const bool is_sure = is_repeated && !best->is_given ? has_moved && best->mean_score() >= config.min_fit
+                                                      : has_moved || has_waited;
+  return is_sure ? &*best : nullptr;
 }
 
 }  // namespace fdi_lio::mapping

@@ -142,14 +142,15 @@ void RunDirectory::write_localisation(const std::vector<evaluation::StampedPose>
   const std::filesystem::path path = path_ / "localisation.csv";
   std::ofstream out = open_for_writing(path);
   out.precision(std::numeric_limits<double>::max_digits10);
-  out << "stamp,state,verdict,overlap,wall_share,residual,intensity_correlation,chi_square,weak_directions,"
+  out << "stamp,state,verdict,overlap,wall_share,residual,intensity_correlation,surface_correlation,chi_"
+         "square,weak_directions,"
          "failures,sigma_rotation,sigma_translation\n";
   for (const mapping::LocalisationResult& each : registrations) {
     const mapping::LoopCandidate& registration = each.registration;
     out << stamp_text(each.stamp) << ',' << to_text(each.state) << ',' << to_text(registration.verdict) << ','
         << registration.overlap << ',' << registration.wall_share << ',' << registration.residual_m << ','
-        << registration.intensity_correlation << ',' << registration.chi_square << ','
-        << registration.weak_directions << ',' << each.failures << ','
+        << registration.intensity_correlation << ',' << registration.surface_correlation << ','
+        << registration.chi_square << ',' << registration.weak_directions << ',' << each.failures << ','
         << std::sqrt(each.covariance.topLeftCorner<3, 3>().trace()) << ','
         << std::sqrt(each.covariance.bottomRightCorner<3, 3>().trace()) << '\n';
   }

@@ -8,19 +8,21 @@
 namespace fdi_lio::mapping {
 namespace {
 
-constexpr double kAmbiguity = 0.85;
-
-/// At x in the map, confirmed as often as needed, fitting with `fit`.
-PlaceHypothesis at(double x_m, double fit) {
+/// At x in the map, confirmed as often as needed, fitting with `fit`; the walls fit with `walls`.
+PlaceHypothesis at(double x_m, double fit, double walls) {
   PlaceHypothesis hypothesis;
   hypothesis.estimate.T_map_odom.translation().x() = x_m;
   hypothesis.estimate.covariance = isotropic(0.01, 0.1);
   hypothesis.confirmations = LocalisationConfig().confirmations;
   hypothesis.registrations = 4;
   hypothesis.score = 4.0 * fit;
+  hypothesis.walls = 4.0 * walls;
   hypothesis.known_sigma_m = needed_sigma_m(0.0);
   return hypothesis;
 }
+
+/// Without contrast in brightness.
+PlaceHypothesis at(double x_m, double fit) { return at(x_m, fit, fit); }
 
 /// Far enough from where the hypotheses were found.
 OdometryNow later() {
@@ -31,23 +33,64 @@ OdometryNow later() {
 
 const PlaceHypothesis* choose(const std::vector<PlaceHypothesis>& hypotheses,
                               const std::optional<PlaceExpectation>& expectation = std::nullopt) {
-  return believed(hypotheses, expectation, later(), LocalisationConfig(), kAmbiguity);
+  return believed(hypotheses, expectation, later(), LocalisationConfig());
 }
 
 TEST(PlaceHypothesis, FitKnowsWallsAndBrightness) {
   LoopCandidate candidate;
   candidate.wall_share = 0.8;
-  candidate.intensity_correlation = 1.0;  // also where there is no contrast
+  candidate.surface_correlation = 1.0;  // also where there is no contrast
   EXPECT_DOUBLE_EQ(fit_of(candidate), 0.8);
-  candidate.intensity_correlation = 0.0;
+  candidate.surface_correlation = 0.5;
   EXPECT_DOUBLE_EQ(fit_of(candidate), 0.4);
+  candidate.surface_correlation = -0.5;
+  EXPECT_DOUBLE_EQ(fit_of(candidate), 0.0);
+}
+
+TEST(PlaceHypothesis, RegistrationsThatFailCountAsNoFit) {
+  LoopCandidate candidate;
+  candidate.wall_share = 0.8;
+  candidate.surface_correlation = 0.5;
+  candidate.verdict = LoopVerdict::kAccepted;
+  PlaceHypothesis hypothesis;
+  hypothesis.add(candidate);
+  EXPECT_DOUBLE_EQ(hypothesis.mean_walls(), 0.8);
+  EXPECT_DOUBLE_EQ(hypothesis.mean_score(), 0.4);
+  candidate.verdict = LoopVerdict::kFewWalls;
+  hypothesis.add(candidate);
+  EXPECT_EQ(hypothesis.failures, 1);
+  EXPECT_DOUBLE_EQ(hypothesis.mean_walls(), 0.4);
+  EXPECT_DOUBLE_EQ(hypothesis.mean_score(), 0.2);
 }
 
 TEST(PlaceHypothesis, TheBestIsBelievedWhenNoOtherFitsNearlyAsWell) {
   EXPECT_EQ(choose({}), nullptr);
   const std::vector<PlaceHypothesis> clear = {at(0.0, 0.6), at(5.0, 0.8)};
   EXPECT_EQ(choose(clear), &clear[1]);
-  EXPECT_EQ(choose({at(0.0, 0.7), at(5.0, 0.8)}), nullptr);
+  EXPECT_EQ(choose({at(0.0, 0.75), at(5.0, 0.8)}), nullptr);
+}
+
+/// Equal doors: the walls say nothing, what hangs beside them does.
+TEST(PlaceHypothesis, BrightnessDecidesBetweenEqualWalls) {
+  const double fit = LocalisationConfig().min_fit;
+  const std::vector<PlaceHypothesis> doors = {at(0.0, 0.5 * fit, 0.9), at(3.3, fit + 0.01, 0.9)};
+  EXPECT_EQ(choose(doors), &doors[1]);
+  // A door that the session does not know looks a little like one of those that it knows.
+  EXPECT_EQ(choose({at(0.0, 0.5 * fit, 0.9), at(3.3, fit - 0.01, 0.9)}), nullptr);
+  // Where no walls are alike, brightness need not say so much.
+  const std::vector<PlaceHypothesis> clear = {at(0.0, 0.2, 0.5), at(3.3, 0.4, 0.9)};
+  EXPECT_EQ(choose(clear), &clear[1]);
+}
+
+TEST(PlaceHypothesis, EqualWallsAreToldApartOnTheWayOnly) {
+  std::vector<PlaceHypothesis> doors = {at(0.0, 0.3, 0.9), at(3.3, 0.8, 0.9)};
+  OdometryNow waiting;
+  waiting.stamp = static_cast<Stamp>(1e9 * (LocalisationConfig().confirm_time_s + 1.0));
+  EXPECT_EQ(believed(doors, std::nullopt, waiting, LocalisationConfig()), nullptr);
+  EXPECT_EQ(believed({doors[1]}, std::nullopt, waiting, LocalisationConfig())
+                ->estimate.T_map_odom.translation()
+                .x(),
+            3.3);
 }
 
 TEST(PlaceHypothesis, EachConditionIsNeeded) {
@@ -92,7 +135,7 @@ TEST(PlaceHypothesis, TheUsersWordDecidesBetweenEqualsButNotAgainstABetterFit) {
   // As the odometry goes on, so does what was said.
   OdometryNow now = later();
   now.T_odom_imu.translation() = Eigen::Vector3d(7.0, 1.0, 0.0);
-  EXPECT_EQ(believed(doors, said, now, LocalisationConfig(), kAmbiguity), &doors[0]);
+  EXPECT_EQ(believed(doors, said, now, LocalisationConfig()), &doors[0]);
   // What was said may be off by two standard deviations where another place fits better.
   std::vector<PlaceHypothesis> near = {at(0.3, 0.6), at(1.3, 0.9)};
   for (PlaceHypothesis& each : near) each.is_given = true;

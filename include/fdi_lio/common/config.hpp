@@ -131,7 +131,7 @@ struct MappingConfig {
   bool judge_patches = true;
   bool soften_weak_directions = false;
   double localizability_margin = 1.0;
-  double covariance_factor = 16.0;
+  double covariance_factor = 3.0;
   double drift_share = 1.0;
   bool estimate_mounting = true;
   double tilt_walk_deg = 0.02;

@@ -85,8 +85,10 @@ struct LocalisationConfig {
   double initial_sigma_translation_m = 2.0;
   double initial_sigma_rotation_deg = 10.0;
   int confirmations = 2;
-  double confirm_distance_m = 3.0;
+  double confirm_distance_m = 2.0;
   double confirm_time_s = 3.0;
+  double ambiguity = 0.9;
+  double min_fit = 0.58;
   int max_failures = 5;
 
   void visit(ParameterVisitor& visitor);

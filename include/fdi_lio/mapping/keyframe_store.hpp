@@ -7,6 +7,8 @@
 #include <optional>
 #include <vector>
 
+#include <Eigen/Geometry>
+
 #include "fdi_lio/common/scan_types.hpp"
 
 namespace fdi_lio::mapping {
@@ -18,6 +20,12 @@ struct KeyframeCloud {
   std::vector<Point> edges;    ///< edge features
 
   std::size_t size() const { return surface.size() + planes.size() + edges.size(); }
+};
+
+/// A keyframe's points and where they are in the frame of the submap.
+struct PlacedCloud {
+  std::shared_ptr<const KeyframeCloud> cloud;
+  Eigen::Isometry3d T_submap_imu = Eigen::Isometry3d::Identity();
 };
 
 /// Clouds of all keyframes. Those used last stay in memory up to a limit; the others are written to an

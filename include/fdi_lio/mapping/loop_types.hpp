@@ -43,6 +43,7 @@ struct LoopCandidate {
   double wall_share = 0.0;                 ///< of these, on walls of the map, weighted by their nearness
   double residual_m = 0.0;                 ///< root mean square of the inliers' plane distances
   double intensity_correlation = 0.0;      ///< between the scan and the map
+  double surface_correlation = 1.0;        ///< the same detail by detail, only while localisation searches
   double chi_square = 0.0;                 ///< deviation from the prediction, 6 degrees of freedom
   int weak_directions = 0;                 ///< that the registration does not determine
   /// From the measured place to others that fit about as well, within the uncertainty of the prediction.

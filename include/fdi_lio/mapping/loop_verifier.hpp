@@ -13,12 +13,6 @@
 
 namespace fdi_lio::mapping {
 
-/// A keyframe's points and where they are in the frame of the submap.
-struct PlacedCloud {
-  std::shared_ptr<const KeyframeCloud> cloud;
-  Eigen::Isometry3d T_submap_imu = Eigen::Isometry3d::Identity();
-};
-
 /// Where a registration starts, and how far off that may be.
 struct RegistrationStart {
   Eigen::Isometry3d T_from_to = Eigen::Isometry3d::Identity();

@@ -29,11 +29,16 @@ struct PlaceHypothesis {
   int confirmations = 0;
   int failures = 0;  ///< in a row
   int registrations = 0;
-  double score = 0.0;          ///< sum of the fits of its registrations
+  double walls = 0.0;          ///< sum of the wall shares of its registrations
+  double score = 0.0;          ///< sum of their fits
   double known_sigma_m = 0.0;  ///< to which it must be known to be believed
   bool is_given = false;       ///< found where the user said
 
+  double mean_walls() const { return registrations == 0 ? 0.0 : walls / registrations; }
   double mean_score() const { return registrations == 0 ? 0.0 : score / registrations; }
+
+  /// One registration more; one that failed counts as no fit.
+  void add(const LoopCandidate& candidate);
 };
 
 /// Where to look before places that look alike: the user's word, or from before the place was lost.
@@ -53,8 +58,8 @@ struct OdometryNow {
   double way_m = 0.0;
 };
 
-/// How well a registration fits, 0 to 1: the share of its walls, and the correlation of brightness where
-/// there is contrast. A corridor's equal doors differ in what hangs beside them.
+/// How well a registration fits, 0 to 1: the share of its walls times the correlation of brightness in
+/// detail. A corridor's equal doors differ in what hangs beside them.
 double fit_of(const LoopCandidate& candidate);
 
 /// Largest standard deviation along any direction.
@@ -74,9 +79,12 @@ double belief(const PlaceHypothesis& hypothesis, const std::optional<PlaceExpect
 void join_equal(const Eigen::Isometry3d& T_odom_imu, std::vector<PlaceHypothesis>* hypotheses);
 
 /// The hypothesis to believe: enough registrations agree over enough way or time, every direction is known,
-/// and no other has `ambiguity` of its belief. Null when there is none.
+/// and no other has `ambiguity` of its belief. When another has that share of its walls, brightness decides
+/// between them. Then the agreement must be over enough way, for who stands still sees the same again, and
+/// the fit `min_fit` at least, for a place that the session does not know looks a little like one or the
+/// other; neither is asked of what the user's word led to. Null when there is none.
 const PlaceHypothesis* believed(const std::vector<PlaceHypothesis>& hypotheses,
                                 const std::optional<PlaceExpectation>& expectation, const OdometryNow& now,
-                                const LocalisationConfig& config, double ambiguity);
+                                const LocalisationConfig& config);
 
 }  // namespace fdi_lio::mapping
