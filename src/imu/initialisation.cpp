@@ -53,42 +53,41 @@ std::optional<AlignmentResult> align_in_motion(const Eigen::Quaterniond& first_q
                                                const std::vector<AlignmentInterval>& intervals,
                                                double gravity_mps2) {
   if (intervals.size() < kMinIntervals) return std::nullopt;
-  AlignmentResult result;
   const Eigen::Vector3d bias_change = estimate_gyro_bias(first_q, intervals);
-  const Eigen::Index unknowns = static_cast<Eigen::Index>(3 * (intervals.size() + 1) + 3);
-  const Eigen::Index g = unknowns - 3;
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(unknowns, unknowns);
-  Eigen::VectorXd b = Eigen::VectorXd::Zero(unknowns);
+  // Position and velocity by the accelerometer alone: without gravity, from rest at the origin.
+  Eigen::Vector3d v = Eigen::Vector3d::Zero();
+  Eigen::Vector3d p = Eigen::Vector3d::Zero();
   Eigen::Quaterniond q = first_q;
-  Eigen::Vector3d t = first_t;
-  for (std::size_t k = 0; k < intervals.size(); ++k) {
-    const AlignmentInterval& interval = intervals[k];
+  double time_s = 0.0;
+  const auto count = static_cast<Eigen::Index>(intervals.size()) + 1;
+  Eigen::MatrixXd A = Eigen::MatrixXd::Ones(count, 3);  // of p0, v0 and g; each axis by itself
+  Eigen::MatrixXd z(count, 3);
+  A.block<1, 2>(0, 1).setZero();
+  z.row(0) = first_t.transpose();
+  for (Eigen::Index k = 1; k < count; ++k) {
+    const AlignmentInterval& interval = intervals[static_cast<std::size_t>(k - 1)];
     const double dt = interval.imu.duration_s();
     const CorrectedDelta delta =
         corrected(interval.imu, interval.imu.gyro_bias + bias_change, interval.imu.accel_bias);
-    const Eigen::Index vi = static_cast<Eigen::Index>(3 * k);
-    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(6, unknowns);
-    Eigen::Matrix<double, 6, 1> z;
-    A.block<3, 3>(0, vi) = dt * Eigen::Matrix3d::Identity();
-    A.block<3, 3>(0, g) = 0.5 * dt * dt * Eigen::Matrix3d::Identity();
-    z.head<3>() = interval.t_odom_imu - t - q * delta.delta_p;
-    A.block<3, 3>(3, vi) = -Eigen::Matrix3d::Identity();
-    A.block<3, 3>(3, vi + 3) = Eigen::Matrix3d::Identity();
-    A.block<3, 3>(3, g) = -dt * Eigen::Matrix3d::Identity();
-    z.tail<3>() = q * delta.delta_v;
-    // A lidar position is good to about a centimetre, an IMU velocity change to about a centimetre per
-    // second.
-    H += A.transpose() * A;
-    b += A.transpose() * z;
+    p += v * dt + q * delta.delta_p;
+    v += q * delta.delta_v;
+    time_s += dt;
+    A(k, 1) = time_s;
+    A(k, 2) = 0.5 * time_s * time_s;
+    z.row(k) = (interval.t_odom_imu - p).transpose();
     q = interval.q_odom_imu;
-    t = interval.t_odom_imu;
-    if (k + 1 == intervals.size()) result.gyro_bias = interval.imu.gyro_bias + bias_change;
   }
-  const Eigen::LDLT<Eigen::MatrixXd> solver(H);
+  const Eigen::LDLT<Eigen::Matrix3d> solver(A.transpose() * A);
   if (solver.info() != Eigen::Success || solver.vectorD().minCoeff() < 1e-12) return std::nullopt;
-  const Eigen::VectorXd x = solver.solve(b);
-  result.g_odom = x.segment<3>(g);
-  result.v_odom = x.segment<3>(g - 3);
+  const Eigen::Matrix3d x = solver.solve(A.transpose() * z);
+  const Eigen::Matrix3d inverse = solver.solve(Eigen::Matrix3d::Identity());
+  const Eigen::RowVector3d variance =
+      (z - A * x).colwise().squaredNorm() / static_cast<double>(count - x.rows());
+  AlignmentResult result;
+  result.gyro_bias = intervals.back().imu.gyro_bias + bias_change;
+  result.g_odom = x.row(2).transpose();
+  result.v_odom = x.row(1).transpose() + result.g_odom * time_s + v;
+  result.gravity_sigma_mps2 = std::sqrt(inverse(2, 2) * variance.maxCoeff());
   result.gravity_error_mps2 = std::abs(result.g_odom.norm() - gravity_mps2);
   result.g_odom *= gravity_mps2 / result.g_odom.norm();
   return result;

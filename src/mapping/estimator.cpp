@@ -30,7 +30,6 @@ namespace {
 
 /// The first scans in a map, before a velocity is known well, look farther and iterate longer.
 constexpr int kStartScans = 3;
-constexpr int kScansBeforeVelocity = 2;  ///< so many are deskewed without one
 constexpr int kStartIterations = 20;
 constexpr double kStartMaxResidual = 1.0;
 /// Way on which what is known of the beams' elevation is taken over into the scans [m].
@@ -77,8 +76,14 @@ class Estimator::Implementation {
         imu_start_(config, reporter),
         beams_(config) {}
 
-  std::optional<EstimateResult> add(const FeatureSet& measured, const degeneracy::Degeneracy& degeneracy,
-                                    const std::optional<imu::Preintegration>& imu);
+  /// `is_reviewed`: what is estimated may yet be revised, and is no keyframe.
+  std::optional<EstimateResult> add(const EstimatorInput& input, bool is_reviewed);
+
+  /// The velocity in `odom` of the first scan. Only before it.
+  void begin_moving(const MovingStart& motion) { moving_start_ = motion; }
+
+  /// The first two scans alone told the velocity.
+  bool has_found_motion() const { return has_found_motion_; }
 
   void resume(const imu::NavState& state) { resumed_ = state; }
 
@@ -94,6 +99,7 @@ class Estimator::Implementation {
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void search_motion(const std::optional<imu::Preintegration>& imu, FeatureSet* features);
+  FeatureSet deskewed_anew(const EstimatorInput& input, imu::NavState state) const;
   LidarInformation optimise(MatchInput input, EstimateResult* result);
   void begin_map_anew(const EstimateResult& result, const Matrix15d& covariance);
   void add_directions(const MatchInput& input, const imu::NavState& at, const MatchSettings& settings,
@@ -102,7 +108,7 @@ class Estimator::Implementation {
   void start_smoother(const imu::NavState& state, Smoother::InitialSigma sigma);
   Eigen::Vector3d bend_to(const imu::NavState& predicted) const;
   void take_out_beam_elevation();
-  bool decide_keyframe();
+  bool decide_keyframe(bool is_reviewed);
   void report_mounting(const imu::NavState& state);
 
   Config config_;
@@ -117,6 +123,8 @@ class Estimator::Implementation {
   MapCandidate candidate_;
   ImuStart imu_start_;
   std::optional<FeatureSet> first_;  ///< the first scan, until the second has come
+  bool has_found_motion_ = false;
+  std::optional<MovingStart> moving_start_;
   BeamCorrection beams_;
   AdaptedSettings adapted_;
   double radius_m_ = 0.0;  ///< of the features matched last
@@ -157,6 +165,11 @@ void Estimator::Implementation::start(const FeatureSet& features,
         Severity::kWarning, "lidar_only",
         "no IMU data: the motion is predicted by constant velocity; sensor.imu_topic names the topic");
   }
+  if (moving_start_) {
+    const ImuStart::Found found = imu_start_.moving(first, *moving_start_);
+    start_smoother(found.state, found.sigma);
+    return;
+  }
   start_smoother(first, Smoother::InitialSigma());
   if (imu) adopt_imu(imu_start_.at_rest(first, *imu));
 }
@@ -196,6 +209,7 @@ void Estimator::Implementation::search_motion(const std::optional<imu::Preintegr
   const std::optional<Eigen::Vector3d> v_odom =
       start_velocity(first, before_, *features, predicted, T_imu_lidar_);
   if (!v_odom) return;
+  has_found_motion_ = true;
   before_.v_odom = *v_odom;
   map_ = LocalMap(config_.mapping);
   map_.insert(moved_while_scanned(first, before_, T_imu_lidar_), before_.T_odom_imu(), T_imu_lidar_);
@@ -229,7 +243,7 @@ void Estimator::Implementation::add_directions(const MatchInput& input, const im
 
 LidarInformation Estimator::Implementation::optimise(MatchInput input, EstimateResult* result) {
   const bool is_known = smoother_.newest().imu_status == imu::ImuStatus::kInitialised && !has_restarted_;
-  const bool is_start = map_scans_ <= kStartScans && !is_known;
+  const bool is_start = map_scans_ <= kStartScans && !is_known && !moving_start_;
   const int iterations = is_start ? kStartIterations : adapted_.iterations;
   MatchSettings settings;
   settings.plane_weight = adapted_.plane_weight;
@@ -352,39 +366,46 @@ void Estimator::Implementation::report_mounting(const imu::NavState& state) {
   reporter_->report(Severity::kWarning, "mounting", text.str());
 }
 
-bool Estimator::Implementation::decide_keyframe() {
+bool Estimator::Implementation::decide_keyframe(bool is_reviewed) {
   const Eigen::Isometry3d T = smoother_.newest().T_odom_imu();
   const Eigen::Isometry3d T_keyframe_now = T_odom_keyframe_.inverse() * T;
   const double rotation = so3::log(Eigen::Matrix3d(T_keyframe_now.rotation())).norm();
   const double motion =
       T_keyframe_now.translation().norm() + config_.mapping.keyframe_rotation_weight_m_per_rad * rotation;
-  // The first two scans of a start in motion were deskewed without a velocity: they would shear the map.
-  const bool is_sheared = scan_count_ < kScansBeforeVelocity && !resumed_ &&
-                          smoother_.newest().imu_status != imu::ImuStatus::kInitialised;
-  if (has_keyframe_ ? motion <= adapted_.keyframe_distance_m : is_sheared) return false;
+  const bool is_open =
+      is_reviewed && (moving_start_ || smoother_.newest().imu_status != imu::ImuStatus::kInitialised);
+  if (has_keyframe_ ? motion <= adapted_.keyframe_distance_m : is_open) return false;
   T_odom_keyframe_ = T;
   has_keyframe_ = true;
   return true;
 }
 
-std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& measured,
-                                                             const degeneracy::Degeneracy& degeneracy,
-                                                             const std::optional<imu::Preintegration>& imu) {
-  if (!smoother_.empty() && measured.stamp <= smoother_.newest().stamp) {
+/// At a start that was revised, the features were deskewed with another velocity than that of `state`.
+FeatureSet Estimator::Implementation::deskewed_anew(const EstimatorInput& input, imu::NavState state) const {
+  state.v_odom -= input.v_deskew;
+  return moved_while_scanned(input.features, state, T_imu_lidar_);
+}
+
+std::optional<EstimateResult> Estimator::Implementation::add(const EstimatorInput& input, bool is_reviewed) {
+  const degeneracy::Degeneracy& degeneracy = input.degeneracy;
+  const std::optional<imu::Preintegration>& imu = input.imu;
+  if (!smoother_.empty() && input.features.stamp <= smoother_.newest().stamp) {
     reporter_->report(Severity::kWarning, "scan_order",
                       "a scan whose stamp does not follow the one before was dropped");
     return std::nullopt;
   }
   adapted_ = adapt(config_.adaptation, config_.mapping, degeneracy);
   EstimateResult result;
-  FeatureSet features = measured;
+  FeatureSet features = input.features;
   double radius_m = 0.0;
   if (smoother_.empty()) {
     start(features, imu);
+    if (moving_start_) features = deskewed_anew(input, smoother_.newest());
   } else {
     before_ = smoother_.newest();
     predict(features, imu);
     if (first_) search_motion(imu, &features);
+    if (moving_start_ && is_reviewed) features = deskewed_anew(input, smoother_.newest());
     if (config_.mapping.calibrate_beams) features = beams_.apply(features, smoother_.newest());
     const LidarInformation information = optimise(
         make_match_input(features, config_.mapping, T_imu_lidar_, adapted_.feature_voxel_m), &result);
@@ -448,9 +469,9 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
     if (is_restart) begin_map_anew(result, covariance);
   }
   // Whoever knows a state from before deskews with it.
-  if (scan_count_ == 0 && !resumed_) first_ = features;
+  if (scan_count_ == 0 && !resumed_ && !moving_start_) first_ = features;
   if (result.is_healthy || map_.empty()) map_.insert(features, result.state.T_odom_imu(), T_imu_lidar_);
-  result.is_keyframe = decide_keyframe() || is_restart;
+  result.is_keyframe = decide_keyframe(is_reviewed) || is_restart;
   ++map_scans_;
   ++scan_count_;
   return result;
@@ -459,19 +480,61 @@ std::optional<EstimateResult> Estimator::Implementation::add(const FeatureSet& m
 Estimator::Estimator(const Config& config, Reporter* reporter)
     : config_(config),
       reporter_(reporter),
-      implementation_(std::make_unique<Implementation>(config, reporter)) {}
+      implementation_(std::make_unique<Implementation>(config, reporter)),
+      review_(config.sensor) {}
 Estimator::~Estimator() = default;
 
 std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
                                              const degeneracy::Degeneracy& degeneracy,
                                              const std::optional<imu::Preintegration>& imu) {
-  return implementation_->add(features, degeneracy, imu);
+  EstimatorInput input;
+  input.features = features;
+  input.degeneracy = degeneracy;
+  input.imu = imu;
+  if (const auto before = state()) input.v_deskew = before->v_odom;
+  std::optional<EstimateResult> result = implementation_->add(input, review_.has_value());
+  if (!result || !review_) return result;
+  if (result->state.imu_status != imu::ImuStatus::kInitialised) {
+    review_->add(std::move(input), result->state);
+    const bool has_witness = implementation_->has_found_motion();
+    if (const auto motion = review_->find_motion(has_witness)) result = begin_moving(*motion);
+    if (!review_->is_over()) return result;
+  }
+  review_.reset();
+  return result;
 }
 
-void Estimator::resume(const imu::NavState& state) { implementation_->resume(state); }
+/// All scans since the start once more, now with its velocity.
+EstimateResult Estimator::begin_moving(const MovingStart& motion) {
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(1) << "started in motion, at about " << motion.v_odom.norm()
+       << " m/s: the first " << review_->inputs().size() << " scans were estimated anew";
+  reporter_->report(Severity::kInfo, "start_motion", text.str());
+  implementation_ = std::make_unique<Implementation>(config_, reporter_);
+  implementation_->begin_moving(motion);
+  EstimateResult result;
+  std::vector<imu::NavState> revised;
+  for (const EstimatorInput& input : review_->inputs()) {
+    if (const auto again = implementation_->add(input, true)) result = *again;
+    revised.push_back(result.state);
+  }
+  revised.pop_back();
+  result.revised = std::move(revised);
+  return result;
+}
+
+void Estimator::resume(const imu::NavState& state) {
+  review_.reset();
+  implementation_->resume(state);
+}
+
 std::optional<imu::NavState> Estimator::state() const { return implementation_->state(); }
 std::vector<Point> Estimator::local_map() const { return implementation_->local_map(); }
 std::size_t Estimator::map_voxel_count() const { return implementation_->map_voxel_count(); }
-void Estimator::reset() { implementation_ = std::make_unique<Implementation>(config_, reporter_); }
+
+void Estimator::reset() {
+  implementation_ = std::make_unique<Implementation>(config_, reporter_);
+  review_.emplace(config_.sensor);
+}
 
 }  // namespace fdi_lio::mapping

@@ -1,5 +1,6 @@
 #include "fdi_lio/mapping/imu_start.hpp"
 
+#include <algorithm>
 #include <string>
 
 namespace fdi_lio::mapping {
@@ -9,6 +10,20 @@ namespace {
 constexpr double kMaxStaticSpeed = 0.1;          ///< [m/s]
 constexpr double kRestAccelerationSigma = 0.01;  ///< of the mean over the static duration [m/s^2]
 constexpr double kMaxGravityError = 0.5;         ///< [m/s^2]
+/// Beyond, more scans are waited for, up to so many times as many: a wrong gravity drives off where the lidar
+/// hardly sees the way along the road.
+constexpr double kGoodGravitySigma = 0.1;
+constexpr double kGoodGravityError = 0.15;
+constexpr std::size_t kMostWaits = 3;
+/// Of what the accelerometer says of gravity: the scatter of the positions is not all of their error.
+constexpr double kLeastGravitySigma = 0.02;
+constexpr double kGravitySigmas = 2.0;
+
+constexpr double kMovingVelocitySigma = 0.3;  ///< of MovingStart::v_odom [m/s]
+constexpr double kMovingGyroBiasSigma = 0.02;
+constexpr double kMovingAccelBiasSigma = 0.05;
+constexpr double kCruisingGravitySigma = 0.15;  ///< what traffic accelerates by, mostly [m/s^2]
+constexpr double kGroundGravitySigma = 0.5;     ///< how steep roads are
 
 ImuStart::Found initialised(imu::NavState state, const Smoother::InitialSigma& sigma) {
   state.imu_status = imu::ImuStatus::kInitialised;
@@ -35,6 +50,19 @@ std::optional<ImuStart::Found> ImuStart::at_rest(const imu::NavState& newest,
   return initialised(state, sigma);
 }
 
+ImuStart::Found ImuStart::moving(const imu::NavState& first, const MovingStart& start) const {
+  imu::NavState state = first;
+  state.v_odom = start.v_odom;
+  Smoother::InitialSigma sigma;
+  sigma.velocity = kMovingVelocitySigma;
+  if (state.imu_status == imu::ImuStatus::kNone) return {state, sigma};
+  sigma.gyro_bias = kMovingGyroBiasSigma;
+  sigma.accel_bias = kMovingAccelBiasSigma;
+  sigma.gravity = start.up_by_ground ? kGroundGravitySigma : kCruisingGravitySigma;
+  if (start.up_by_ground) state.g_odom = -config_.sensor.gravity_mps2 * *start.up_by_ground;
+  return initialised(state, sigma);
+}
+
 std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, const imu::NavState& newest,
                                                    const imu::Preintegration& imu) {
   if (intervals_.empty()) first_ = before;
@@ -54,6 +82,10 @@ std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, 
     intervals_.erase(intervals_.begin());
     return std::nullopt;
   }
+  const std::size_t enough = kMostWaits * static_cast<std::size_t>(config_.imu.moving_init_scans);
+  const bool is_good =
+      aligned->gravity_sigma_mps2 < kGoodGravitySigma && aligned->gravity_error_mps2 < kGoodGravityError;
+  if (!is_good && intervals_.size() < enough) return std::nullopt;
   imu::NavState state = newest;
   state.gyro_bias = aligned->gyro_bias;
   state.accel_bias.setZero();
@@ -65,6 +97,7 @@ std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, 
   sigma.gyro_bias = 5e-3;
   sigma.gravity = 0.3;
   sigma.accel_bias = 0.2;
+  sigma.rest_acceleration = std::max(kLeastGravitySigma, kGravitySigmas * aligned->gravity_sigma_mps2);
   reporter_->report(Severity::kInfo, "imu_moving", "IMU initialised in motion");
   return initialised(state, sigma);
 }

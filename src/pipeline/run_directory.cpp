@@ -1,5 +1,6 @@
 #include "fdi_lio/pipeline/run_directory.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <system_error>
@@ -67,6 +68,7 @@ RunDirectory::RunDirectory(const std::string& path, const Config& config)
 }
 
 void RunDirectory::add(const ScanOutput& output) {
+  if (!output.estimate.revised.empty()) revise(output.estimate.revised);
   const imu::NavState& state = output.estimate.state;
   trajectory_.add(state.stamp, state.q_odom_imu, state.t_odom_imu);
   odometry_.add(state.stamp, state.q_odom_imu, state.t_odom_imu);
@@ -74,6 +76,22 @@ void RunDirectory::add(const ScanOutput& output) {
   write_covariance(output.estimate);
   write_directions(output.estimate);
   poses_.push_back({state.stamp, state.T_odom_imu()});
+}
+
+void RunDirectory::revise(const std::vector<imu::NavState>& states) {
+  for (const imu::NavState& state : states) {
+    const auto pose = std::find_if(poses_.begin(), poses_.end(), [&](const evaluation::StampedPose& known) {
+      return known.stamp == state.stamp;
+    });
+    if (pose != poses_.end()) pose->T = state.T_odom_imu();
+  }
+  trajectory_ = evaluation::TrajectoryWriter((path_ / "trajectory.tum").string());
+  odometry_ = evaluation::TrajectoryWriter((path_ / "odometry.tum").string());
+  for (const evaluation::StampedPose& pose : poses_) {
+    const Eigen::Quaterniond q(pose.T.rotation());
+    trajectory_.add(pose.stamp, q, pose.T.translation());
+    odometry_.add(pose.stamp, q, pose.T.translation());
+  }
 }
 
 void RunDirectory::write_degeneracy(const ScanOutput& output) {

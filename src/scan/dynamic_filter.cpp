@@ -14,6 +14,7 @@ namespace {
 
 constexpr int kColumnStride = 2;    ///< every second column is looked at; the others follow their neighbour
 constexpr float kMostSlope = 0.3F;  ///< of a surface that may be ground
+constexpr double kRevisedM = 2.0;   ///< no prediction of one scan is as far off
 
 /// Groups cells of one image that touch. Cells are (ring, column / kColumnStride).
 class ObjectGrower {
@@ -285,7 +286,10 @@ void DynamicFilter::remember(const DeskewedScan& scan, const RangeImage& image,
 }
 
 void DynamicFilter::correct_newest(Stamp stamp, const Eigen::Isometry3d& T_odom_lidar) {
-  if (!history_.empty() && history_.back().stamp == stamp) history_.back().T_odom_lidar = T_odom_lidar;
+  if (history_.empty() || history_.back().stamp != stamp) return;
+  const double off_m = (history_.back().T_odom_lidar.translation() - T_odom_lidar.translation()).norm();
+  if (off_m > kRevisedM) history_.erase(history_.begin(), history_.end() - 1);
+  history_.back().T_odom_lidar = T_odom_lidar;
 }
 
 void remove_points(const std::vector<RemovalReason>& reasons, DeskewedScan* scan) {

@@ -1,3 +1,6 @@
+#include <optional>
+#include <random>
+
 #include "synthetic_motion.hpp"
 #include <gtest/gtest.h>
 
@@ -79,6 +82,61 @@ TEST(ImuStart, InMotionTheVelocityIsFoundAfterTheGivenScans) {
   EXPECT_LT((found->state.v_odom - drive.velocity(last)).norm(), 0.05);
   EXPECT_LT((found->state.g_odom - Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2)).norm(), 0.1);
   EXPECT_TRUE(reporter.has("imu_moving"));
+}
+
+TEST(ImuStart, InMotionMoreScansAreWaitedForWhileGravityIsVague) {
+  Config config;
+  Reporter reporter;
+  ImuStart start(config, &reporter);
+  const Drive drive(config.sensor.gravity_mps2);
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0.0, 0.1);
+  const auto scattered = [&](int k) {
+    imu::NavState state = drive.state(k);
+    state.t_odom_imu += Eigen::Vector3d(noise(random), noise(random), noise(random));
+    return state;
+  };
+  imu::NavState before = scattered(0);
+  std::optional<ImuStart::Found> found;
+  int scans = 0;
+  while (!found && scans < 10 * config.imu.moving_init_scans) {
+    ++scans;
+    const imu::NavState newest = scattered(scans);
+    found = start.in_motion(before, newest, drive.imu(scans));
+    before = newest;
+  }
+  ASSERT_TRUE(found);
+  EXPECT_GT(scans, config.imu.moving_init_scans);
+  EXPECT_LE(scans, 3 * config.imu.moving_init_scans);
+  EXPECT_LT((found->state.g_odom - Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2)).norm(), 0.3);
+}
+
+TEST(ImuStart, AReviewedStartIsPredictedByTheImuAtOnce) {
+  Config config;
+  Reporter reporter;
+  const ImuStart start(config, &reporter);
+  imu::NavState first;
+  first.imu_status = imu::ImuStatus::kInitialising;
+  first.g_odom = Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2);
+  MovingStart moving;
+  moving.v_odom = Eigen::Vector3d(20.0, 1.0, 0.0);
+  const ImuStart::Found cruising = start.moving(first, moving);
+  EXPECT_EQ(cruising.state.imu_status, imu::ImuStatus::kInitialised);
+  EXPECT_EQ((cruising.state.v_odom - moving.v_odom).norm(), 0.0);
+  EXPECT_EQ((cruising.state.g_odom - first.g_odom).norm(), 0.0);
+  moving.up_by_ground = Eigen::Vector3d(0.6, 0.0, 0.8);
+  const ImuStart::Found braking = start.moving(first, moving);
+  EXPECT_LT((braking.state.g_odom + config.sensor.gravity_mps2 * *moving.up_by_ground).norm(), 1e-12);
+  EXPECT_GT(braking.sigma.gravity, cruising.sigma.gravity);
+}
+
+TEST(ImuStart, AReviewedStartWithoutImuKeepsItsVelocity) {
+  Reporter reporter;
+  MovingStart moving;
+  moving.v_odom = Eigen::Vector3d(20.0, 1.0, 0.0);
+  const ImuStart::Found found = ImuStart(Config(), &reporter).moving(imu::NavState(), moving);
+  EXPECT_EQ(found.state.imu_status, imu::ImuStatus::kNone);
+  EXPECT_EQ((found.state.v_odom - moving.v_odom).norm(), 0.0);
 }
 
 TEST(ImuStart, AGravityOfTheWrongSizeIsReportedAndTriedAgain) {

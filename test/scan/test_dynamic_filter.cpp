@@ -172,6 +172,24 @@ TEST(DynamicFilter, PoseOfTheNewestScanIsCorrected) {
   EXPECT_GT(removed_after(false), 100U);
 }
 
+/// A drive that was taken for a stand: when it is found out, the poses before are wrong.
+TEST(DynamicFilter, ARevisedPoseMakesTheOnesBeforeForgotten) {
+  DynamicFilter filter{DynamicConfig()};
+  const auto removed_at = [&](int k, const Eigen::Isometry3d& T_estimated) {
+    LabelledScan labelled =
+        cast(SyntheticLidar(), hall(), pose_at(0.25 * k, 0.0, 0.0), to_nanoseconds(100.0 + 0.1 * k), grey);
+    RangeImage image;
+    image.build(&labelled.scan);
+    std::size_t removed = 0;
+    for (const RemovalReason reason : filter.classify(labelled.scan, image, T_estimated))
+      removed += reason != RemovalReason::kNone ? 1 : 0;
+    return removed;
+  };
+  for (int k = 0; k < 15; ++k) removed_at(k, pose_at(0.0, 0.0, 0.0));
+  filter.correct_newest(to_nanoseconds(100.0 + 0.1 * 14), pose_at(0.25 * 14, 0.0, 0.0));
+  for (int k = 15; k < 20; ++k) EXPECT_EQ(removed_at(k, pose_at(0.25 * k, 0.0, 0.0)), 0U) << k;
+}
+
 TEST(DynamicFilter, OffGivesNoReasons) {
   DynamicConfig config;
   config.mode = "off";

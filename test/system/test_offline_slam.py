@@ -109,6 +109,25 @@ class OfflineSlam(unittest.TestCase):
                 self.assertGreater(np.linalg.norm(np.diff(estimate[:6, 1:4], axis=0), axis=1).min(), 0.5)
                 self.assertLess(ate_rmse(estimate, read_tum(self.path / "street.tum")), 0.2)
 
+    def test_a_start_at_speed_on_a_motorway(self):
+        """Nothing but traffic and paint tells the speed: after some scans, those before are estimated anew."""
+        subprocess.run(
+            [BIN / "simulate_bag", "--scenario", SOURCE / "config/scenarios/highway.yaml", "--seed", "7", "--output",
+             self.path / "highway.bag", "--duration", "8", "--set", "motion.start_speed=28"],
+            check=True, capture_output=True)
+        done = subprocess.run(
+            [BIN / "offline_slam", "--config", self.path / "highway.config.yaml", "--bag", self.path / "highway.bag",
+             "--output", self.path / "highway"], capture_output=True, text=True, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("scans were estimated anew", done.stderr)
+        truth = read_tum(self.path / "highway.tum")
+        for name in ("trajectory.tum", "odometry.tum"):
+            estimate = read_tum(self.path / "highway" / name)
+            self.assertGreaterEqual(len(estimate), 79)
+            steps = np.linalg.norm(np.diff(estimate[:, 1:4], axis=0), axis=1) / np.diff(estimate[:, 0])
+            self.assertLess(np.abs(steps[:6] - 28.0).max(), 2.0, name)
+            self.assertLess(ate_rmse(estimate, truth), 2.0, name)
+
     def test_lidar_alone_works_with_a_warning(self):
         done = self.run_slam("lidar", "--set", "sensor.imu_topic=/none")
         self.assertEqual(done.returncode, 0, done.stderr)

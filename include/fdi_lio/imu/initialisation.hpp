@@ -26,11 +26,15 @@ struct AlignmentResult {
   Eigen::Vector3d g_odom;
   Eigen::Vector3d v_odom;         ///< at the end of the last interval
   double gravity_error_mps2 = 0;  ///< | |g| found - |g| known |, the check that the alignment is sound
+  /// Standard deviation of the gravity by how far the positions scatter, along the worst axis.
+  double gravity_sigma_mps2 = 0;
 };
 
-/// Gyro bias, gravity and velocity from lidar poses and preintegrated IMU (Qin et al., "VINS-Mono", TRO 2018,
-/// section V-B, without the scale): linear least squares over
-///   t_j - t_i = v_i dt + g dt^2 / 2 + R_i dp,   v_j - v_i = g dt + R_i dv.
+/// Gyro bias, gravity and velocity from lidar poses and preintegrated IMU. As Qin et al. ("VINS-Mono", TRO
+/// 2018, section V-B), without the scale, but with the IMU's short-term accuracy used to the full: its
+/// velocity changes are taken as exact, and the positions t_k scatter about
+///   t_k = p_0 + v_0 T_k + g T_k^2 / 2 + S_k,   S_k the readings R dp, R dv integrated from rest,
+/// which is linear least squares in p_0, v_0 and g.
 /// `first` is the pose at the start of the first interval. Nothing when fewer than 5 intervals are given or
 /// the system is singular.
 std::optional<AlignmentResult> align_in_motion(const Eigen::Quaterniond& first_q,

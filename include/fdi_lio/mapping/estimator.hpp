@@ -10,6 +10,7 @@
 #include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/mapping/pose_tangent.hpp"
+#include "fdi_lio/mapping/start_review.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -30,6 +31,9 @@ struct EstimateResult {
   std::size_t matched_planes = 0;
   std::size_t matched_edges = 0;
   std::size_t matched_textures = 0;
+  /// States of earlier scans that were wrong: a start turned out to be in motion. In time order, mostly
+  /// empty.
+  std::vector<imu::NavState> revised;
 };
 
 /// The work of the mapping_optimization node: features and preintegrated IMU in, state out. Holds the
@@ -61,9 +65,12 @@ class Estimator {
 
  private:
   class Implementation;
+  EstimateResult begin_moving(const MovingStart& motion);
+
   Config config_;
   Reporter* reporter_;
   std::unique_ptr<Implementation> implementation_;
+  std::optional<StartReview> review_;  ///< of the first scans, while it lasts
 };
 
 }  // namespace fdi_lio::mapping

@@ -8,6 +8,7 @@
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/imu/initialisation.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
+#include "fdi_lio/mapping/start_review.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -26,6 +27,11 @@ class ImuStart {
   /// What the IMU's newest samples at rest say: gravity and the gyro's biases, a velocity of zero. Nothing
   /// while they move, or while `newest` moves by more than 0.1 m/s.
   std::optional<Found> at_rest(const imu::NavState& newest, const imu::Preintegration& imu) const;
+
+  /// `first` with what the review of a start in motion found. With an IMU it is good enough to predict the
+  /// next scans from the start: along a road that the lidar hardly sees, the accelerometer holds the velocity
+  /// better than scans alone would.
+  Found moving(const imu::NavState& first, const MovingStart& start) const;
 
   /// Takes one more interval from `before` to `newest`, whose poses the scans alone gave; after
   /// `imu.moving_init_scans` of them, what aligns them with the IMU (`imu::align_in_motion`). Nothing while

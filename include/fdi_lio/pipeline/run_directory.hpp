@@ -25,7 +25,8 @@ class RunDirectory {
   RunDirectory(const std::string& path, const Config& config);
 
   /// Appends one scan to trajectory.tum, odometry.tum, degeneracy.csv, covariance.csv and directions.csv.
-  /// Throws Error when the disk takes no more.
+  /// States that the scan revises replace those of before in both trajectories. Throws Error when the disk
+  /// takes no more.
   void add(const ScanOutput& output);
 
   /// Poses after global correction: trajectory.tum anew, map.pcd from the keyframes' clouds at `map_voxel_m`,
@@ -48,6 +49,7 @@ class RunDirectory {
   const std::filesystem::path& path() const { return path_; }
 
  private:
+  void revise(const std::vector<imu::NavState>& states);
   void write_degeneracy(const ScanOutput& output);
   void write_covariance(const mapping::EstimateResult& estimate);
   void write_directions(const mapping::EstimateResult& estimate);

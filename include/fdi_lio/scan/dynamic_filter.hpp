@@ -38,7 +38,9 @@ class DynamicFilter {
   std::vector<RemovalReason> classify(const DeskewedScan& scan, const RangeImage& image,
                                       const Eigen::Isometry3d& T_odom_lidar);
 
-  /// Corrects the pose of the newest classified scan once it has been estimated.
+  /// Corrects the pose of the newest classified scan once it has been estimated. When that moves it by more
+  /// than 2 m, the poses of the scans before do not hold any more either (a start was in motion), and they
+  /// are forgotten.
   void correct_newest(Stamp stamp, const Eigen::Isometry3d& T_odom_lidar);
 
   void reset() { history_.clear(); }

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "fdi_lio/common/scan_types.hpp"
+
+namespace fdi_lio::mapping {
+
+struct BrightPoint {
+  Eigen::Vector3f position = Eigen::Vector3f::Zero();  ///< from the sensor at `time_s`, level axes [m]
+  float time_s = 0.0F;                                 ///< relative to the scan's stamp
+  /// ln(1 + intensity) less its mean over the points of the same range, and of the same ring, that lie flat,
+  /// or stand: what range and incidence do to the brightness of a road travels with the sensor.
+  float detail = 0.0F;
+  std::uint16_t ring = 0;
+  bool stands = false;  ///< on another point or under one, rather than flat on the ground
+};
+
+/// Points of one scan in axes that do not turn with the sensor, the third at right angles to the ground.
+struct BrightScan {
+  Stamp stamp = 0;
+  Eigen::Matrix3d R_level_lidar = Eigen::Matrix3d::Identity();
+  /// Velocity and way that the accelerations since the first scan, where they are known, add to a velocity
+  /// that stays the same (level axes).
+  Eigen::Vector3d gained_mps = Eigen::Vector3d::Zero();
+  Eigen::Vector3d gained_m = Eigen::Vector3d::Zero();
+  std::vector<BrightPoint> points;
+};
+
+/// Takes the points out of features that were deskewed for rotation alone, or with the velocity `v_deskew`
+/// (level axes) as well, which is undone.
+BrightScan bright_scan(const FeatureSet& features, const Eigen::Matrix3d& R_level_lidar,
+                       const Eigen::Vector3d& v_deskew);
+
+/// The velocity of a sensor at the first of some scans.
+struct BrightnessMotion {
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  ///< [m/s]
+  /// By so many votes, see below, it explains the scans better than any that differs by more than 3 m/s.
+  double lead = 0.0;
+  bool is_known = true;  ///< it differs from what was estimated by at most 3 m/s
+};
+
+/// Looks for the velocity under which consecutive scans agree in brightness; it stays the same but for
+/// `BrightScan::gained_mps`. For each velocity all points are moved to where they lie then;
+/// cells of 0.5 m hold the mean of their details in each scan, and scans are compared in the cells that both
+/// see. The differences d are gathered in blocks of 4 m about the sensor (a vehicle that keeps its place
+/// beside the sensor is a few blocks, however many scans see it); a block says -ln(mean d^2 + noise) / 2. One
+/// velocity beats another by the sum over the blocks of the difference, at most one a block. Candidates are
+/// all level velocities up to 45 m/s, and the one that was estimated: `known_way` from the first to the last
+/// scan. Unlike surfaces alone, which look the
+/// same all along a guard rail or a tunnel, and rings on the ground, which travel with the sensor, what is
+/// painted stays. What stays in one direction from the sensor over all the scans is taken out of the details:
+/// it would speak for rest. The velocity is known to about 0.3 m/s.
+BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const Eigen::Vector3d& known_way);
+
+}  // namespace fdi_lio::mapping

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/mapping/brightness_motion.hpp"
+
+namespace fdi_lio::mapping {
+
+/// What came with one scan.
+struct EstimatorInput {
+  FeatureSet features;
+  degeneracy::Degeneracy degeneracy;
+  std::optional<imu::Preintegration> imu;
+  Eigen::Vector3d v_deskew = Eigen::Vector3d::Zero();  ///< the features were deskewed with it [m/s], in odom
+};
+
+/// What the first scans say together of a start in motion.
+struct MovingStart {
+  Eigen::Vector3d v_odom = Eigen::Vector3d::Zero();  ///< at the first scan [m/s]
+  /// In `odom`, where the ground is tilted against what the accelerometer feels as no road is: the sensor
+  /// gathers speed or brakes, and the ground tells better where up is.
+  std::optional<Eigen::Vector3d> up_by_ground;
+};
+
+/// Keeps the first scans of a start that may be in motion, and asks them together whether it was. Two scans
+/// alone do not tell where nothing stands beside the road or all walls are smooth; registrations with a wrong
+/// velocity then hold on to what travels with the sensor: rings on the ground, vehicles at the same speed.
+class StartReview {
+ public:
+  explicit StartReview(const SensorConfig& sensor);
+
+  /// `state` is what was estimated for the scan.
+  void add(EstimatorInput input, const imu::NavState& state);
+
+  /// The motion at the start, once the scans say that it was clearly another one than estimated. After 8,
+  /// 12 and 16 scans; the review is over when they are sure of it, or after the last. `has_witness`: surfaces
+  /// that stand told the estimated one from the first two scans alone; it then takes more to overrule it.
+  std::optional<MovingStart> find_motion(bool has_witness);
+
+  bool is_over() const { return is_over_; }
+  const std::vector<EstimatorInput>& inputs() const { return inputs_; }
+
+ private:
+  Eigen::Vector3d up() const;
+
+  Eigen::Matrix3d R_imu_lidar_;
+  double gravity_mps2_;
+  Eigen::Matrix3d R_level_odom_ = Eigen::Matrix3d::Identity();  ///< by the ground
+  Eigen::Vector3d gained_mps_ = Eigen::Vector3d::Zero();  ///< by the accelerometer since the first scan, odom
+  Eigen::Vector3d gained_m_ = Eigen::Vector3d::Zero();
+  bool is_steep_ = false;  ///< as MovingStart::up_by_ground has it
+  std::vector<EstimatorInput> inputs_;
+  std::vector<BrightScan> scans_;
+  Eigen::Quaterniond q_odom_imu_ = Eigen::Quaterniond::Identity();  ///< of the newest scan, by the gyro alone
+  Eigen::Vector3d first_t_odom_imu_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d newest_t_odom_imu_ = Eigen::Vector3d::Zero();
+  bool is_over_ = false;
+};
+
+}  // namespace fdi_lio::mapping

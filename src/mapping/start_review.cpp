@@ -1,0 +1,83 @@
+#include "fdi_lio/mapping/start_review.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "fdi_lio/scan/ground_plane.hpp"
+
+namespace fdi_lio::mapping {
+
+namespace {
+
+constexpr std::size_t kFirstQuestion = 8;
+constexpr std::size_t kBetweenQuestions = 4;
+constexpr std::size_t kLastQuestion = 16;
+constexpr float kGroundReachM = 20.0F;
+constexpr double kMostTilt = 20.0 * M_PI / 180.0;
+constexpr double kLeastGround = 0.15;  ///< of the points that are looked at
+/// Of the ground against the accelerometer: roads are not as steep, who feels so gathers speed, or brakes.
+constexpr double kSteep = 5.0 * M_PI / 180.0;
+constexpr double kSureLead = 2.0;         ///< in votes
+constexpr double kLeadOverWitness = 4.0;  ///< against surfaces that told another motion
+
+/// The turn of `odom` after which the ground about the sensor is level; none without a ground.
+Eigen::Matrix3d level_by_ground(const FeatureSet& features, const Eigen::Matrix3d& R_odom_lidar) {
+  std::vector<Eigen::Vector3f> near;
+  for (const Point& point : features.planes) {
+    if (point.position.norm() < kGroundReachM) near.push_back(R_odom_lidar.cast<float>() * point.position);
+  }
+  const scan::Plane ground = scan::find_plane(near, Eigen::Vector3d::UnitZ(), kMostTilt);
+  if (ground.share < kLeastGround) return Eigen::Matrix3d::Identity();
+  return Eigen::Quaterniond::FromTwoVectors(ground.normal, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+}
+
+}  // namespace
+
+StartReview::StartReview(const SensorConfig& sensor)
+    : R_imu_lidar_(sensor.T_imu_lidar().linear()), gravity_mps2_(sensor.gravity_mps2) {}
+
+void StartReview::add(EstimatorInput input, const imu::NavState& state) {
+  if (inputs_.empty()) first_t_odom_imu_ = state.t_odom_imu;
+  newest_t_odom_imu_ = state.t_odom_imu;
+  const bool has_imu = !inputs_.empty() && input.imu && input.imu->sample_count > 0;
+  const Eigen::Quaterniond before = q_odom_imu_;
+  q_odom_imu_ = has_imu ? (before * input.imu->delta_q).normalized() : state.q_odom_imu;
+  const Eigen::Matrix3d R_odom_lidar = q_odom_imu_ * R_imu_lidar_;
+  if (inputs_.empty()) {
+    R_level_odom_ = level_by_ground(input.features, R_odom_lidar);
+    is_steep_ = input.imu && R_level_odom_(2, 2) < std::cos(kSteep);
+  }
+  if (has_imu) {
+    const double dt = input.imu->duration_s();
+    const Eigen::Vector3d g_odom = -gravity_mps2_ * up();
+    gained_m_ += dt * gained_mps_ + before * input.imu->delta_p + 0.5 * dt * dt * g_odom;
+    gained_mps_ += before * input.imu->delta_v + dt * g_odom;
+  }
+  BrightScan scan = bright_scan(input.features, R_level_odom_ * R_odom_lidar, R_level_odom_ * input.v_deskew);
+  scan.gained_mps = R_level_odom_ * gained_mps_;
+  scan.gained_m = R_level_odom_ * gained_m_;
+  scans_.push_back(std::move(scan));
+  inputs_.push_back(std::move(input));
+}
+
+/// `odom` stands upright by what the accelerometer felt at the first scan.
+Eigen::Vector3d StartReview::up() const {
+  return is_steep_ ? Eigen::Vector3d(R_level_odom_.transpose().col(2)) : Eigen::Vector3d::UnitZ();
+}
+
+std::optional<MovingStart> StartReview::find_motion(bool has_witness) {
+  if (scans_.size() < kFirstQuestion || (scans_.size() - kFirstQuestion) % kBetweenQuestions != 0)
+    return std::nullopt;
+  const Eigen::Vector3d known_way = R_level_odom_ * (newest_t_odom_imu_ - first_t_odom_imu_);
+  const BrightnessMotion motion = find_brightness_motion(scans_, known_way);
+  const bool is_sure = motion.lead >= (has_witness && !motion.is_known ? kLeadOverWitness : kSureLead);
+  is_over_ = is_sure || scans_.size() >= kLastQuestion;
+  if (!is_sure || motion.is_known) return std::nullopt;
+  MovingStart start;
+  start.v_odom = R_level_odom_.transpose() * motion.velocity;
+  if (is_steep_) start.up_by_ground = up();
+  return start;
+}
+
+}  // namespace fdi_lio::mapping

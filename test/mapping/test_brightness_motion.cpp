@@ -1,0 +1,110 @@
+#include <vector>
+
+#include "synthetic_road.hpp"
+#include <gtest/gtest.h>
+
+#include "fdi_lio/common/time.hpp"
+#include "fdi_lio/mapping/brightness_motion.hpp"
+
+namespace fdi_lio::mapping {
+namespace {
+
+constexpr std::size_t kScans = 8;
+constexpr double kSure = 2.0;
+
+/// Scans of a sensor that looks `yaw` to the left of its way, in axes that are turned so too.
+std::vector<BrightScan> drive(const SyntheticRoad& road, double speed_mps, double yaw = 0.0,
+                              const Eigen::Vector3d& v_deskew = Eigen::Vector3d::Zero()) {
+  std::vector<BrightScan> scans;
+  for (unsigned k = 0; k < kScans; ++k) {
+    FeatureSet features = road.scan(SyntheticRoad::kPeriod_s * k, speed_mps, yaw, k);
+    for (Point& point : features.planes)
+      point.position += (static_cast<double>(point.time_s) * v_deskew).cast<float>();
+    scans.push_back(bright_scan(features, Eigen::Matrix3d::Identity(), v_deskew));
+  }
+  return scans;
+}
+
+Eigen::Vector3d along(double speed_mps, double yaw) {
+  return speed_mps * Eigen::Vector3d(std::cos(yaw), -std::sin(yaw), 0.0);
+}
+
+TEST(BrightnessMotion, FindsTheVelocityOnARoadWithTraffic) {
+  for (const double speed : {7.0, 16.3, 31.0}) {
+    for (const double yaw : {0.0, 0.6}) {
+      const BrightnessMotion motion =
+          find_brightness_motion(drive(SyntheticRoad(), speed, yaw), Eigen::Vector3d::Zero());
+      EXPECT_LT((motion.velocity - along(speed, yaw)).norm(), 0.5) << speed << ", " << yaw;
+      EXPECT_GT(motion.lead, kSure);
+      EXPECT_FALSE(motion.is_known);
+    }
+  }
+}
+
+TEST(BrightnessMotion, KnowsWhatWasEstimatedRight) {
+  const Eigen::Vector3d known_way(19.0 * SyntheticRoad::kPeriod_s * (kScans - 1), 0.0, 0.0);
+  const BrightnessMotion motion = find_brightness_motion(drive(SyntheticRoad(), 20.0), known_way);
+  EXPECT_TRUE(motion.is_known);
+  EXPECT_GT(motion.lead, kSure);
+}
+
+TEST(BrightnessMotion, UndoesTheVelocityThatFeaturesWereDeskewedWith) {
+  const auto scans = drive(SyntheticRoad(), 16.0, 0.0, Eigen::Vector3d(9.0, 4.0, 0.0));
+  EXPECT_LT((find_brightness_motion(scans, Eigen::Vector3d::Zero()).velocity - along(16.0, 0.0)).norm(), 0.5);
+}
+
+TEST(BrightnessMotion, TakesAKnownAccelerationIntoAccount) {
+  SyntheticRoad road;
+  road.acceleration_mps2 = -5.0;
+  auto scans = drive(road, 15.0);
+  for (BrightScan& scan : scans) {
+    const double time_s = seconds_between(scans.front().stamp, scan.stamp);
+    scan.gained_mps = time_s * Eigen::Vector3d(-5.0, 0.0, 0.0);
+    scan.gained_m = 0.5 * time_s * scan.gained_mps;
+  }
+  EXPECT_LT((find_brightness_motion(scans, Eigen::Vector3d::Zero()).velocity - along(15.0, 0.0)).norm(), 0.5);
+}
+
+TEST(BrightnessMotion, AtRestNothingIsSurelyInMotion) {
+  const BrightnessMotion motion =
+      find_brightness_motion(drive(SyntheticRoad(), 0.0), Eigen::Vector3d::Zero());
+  EXPECT_TRUE(motion.is_known || motion.lead < kSure) << motion.velocity.transpose();
+}
+
+TEST(BrightnessMotion, APlainRoadSaysNothing) {
+  SyntheticRoad road;
+  road.roughness = 0.0;
+  EXPECT_LT(find_brightness_motion(drive(road, 20.0), Eigen::Vector3d::Zero()).lead, kSure);
+}
+
+TEST(BrightnessMotion, SensorsWithoutIntensitySayNothing) {
+  std::vector<BrightScan> scans;
+  for (unsigned k = 0; k < kScans; ++k) {
+    FeatureSet features = SyntheticRoad().scan(SyntheticRoad::kPeriod_s * k, 20.0, 0.0, k);
+    for (Point& point : features.planes) point.intensity = 0.0F;
+    scans.push_back(bright_scan(features, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()));
+  }
+  EXPECT_LT(find_brightness_motion(scans, Eigen::Vector3d::Zero()).lead, kSure);
+}
+
+TEST(BrightnessMotion, ScansWithoutPointsSayNothing) {
+  std::vector<BrightScan> scans(kScans);
+  for (std::size_t k = 0; k < kScans; ++k) scans[k].stamp = static_cast<Stamp>(100000000 * k);
+  EXPECT_LE(find_brightness_motion(scans, Eigen::Vector3d::Zero()).lead, 0.0);
+}
+
+/// What range and ring do to the brightness is no detail.
+TEST(BrightScan, TakesOutWhatTravelsWithTheSensor) {
+  SyntheticRoad road;
+  road.roughness = 0.0;
+  road.beam_error = 1.0;
+  const BrightScan scan =
+      bright_scan(road.scan(0.0, 0.0, 0.0, 1), Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero());
+  ASSERT_GT(scan.points.size(), 1000U);
+  double squares = 0.0;
+  for (const BrightPoint& point : scan.points) squares += static_cast<double>(point.detail * point.detail);
+  EXPECT_LT(std::sqrt(squares / static_cast<double>(scan.points.size())), 0.1);
+}
+
+}  // namespace
+}  // namespace fdi_lio::mapping
