@@ -42,8 +42,15 @@ Eigen::Quaterniond level_orientation(const ImuStatistics& statistics) {
 }
 
 bool is_static(const ImuStatistics& statistics, const ImuConfig& config) {
-  return statistics.duration_s >= 0.9 * config.static_duration_s &&
-         statistics.angular_velocity_std < config.static_gyro_std &&
+  return is_long_enough(statistics, config) && is_calm(statistics, config);
+}
+
+bool is_long_enough(const ImuStatistics& statistics, const ImuConfig& config) {
+  return statistics.duration_s >= 0.9 * config.static_duration_s;
+}
+
+bool is_calm(const ImuStatistics& statistics, const ImuConfig& config) {
+  return statistics.angular_velocity_std < config.static_gyro_std &&
          statistics.acceleration_std < config.static_accel_std &&
          statistics.mean_angular_velocity.norm() < config.static_max_rate;
 }

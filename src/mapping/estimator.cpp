@@ -481,7 +481,7 @@ Estimator::Estimator(const Config& config, Reporter* reporter)
     : config_(config),
       reporter_(reporter),
       implementation_(std::make_unique<Implementation>(config, reporter)),
-      review_(config.sensor) {}
+      review_(config) {}
 Estimator::~Estimator() = default;
 
 std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
@@ -534,7 +534,7 @@ std::size_t Estimator::map_voxel_count() const { return implementation_->map_vox
 
 void Estimator::reset() {
   implementation_ = std::make_unique<Implementation>(config_, reporter_);
-  review_.emplace(config_.sensor);
+  review_.emplace(config_);
 }
 
 }  // namespace fdi_lio::mapping

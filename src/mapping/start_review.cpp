@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "fdi_lio/imu/initialisation.hpp"
 #include "fdi_lio/scan/ground_plane.hpp"
 
 namespace fdi_lio::mapping {
@@ -34,8 +35,8 @@ Eigen::Matrix3d level_by_ground(const FeatureSet& features, const Eigen::Matrix3
 
 }  // namespace
 
-StartReview::StartReview(const SensorConfig& sensor)
-    : R_imu_lidar_(sensor.T_imu_lidar().linear()), gravity_mps2_(sensor.gravity_mps2) {}
+StartReview::StartReview(const Config& config)
+    : config_(config), R_imu_lidar_(config.sensor.T_imu_lidar().linear()) {}
 
 void StartReview::add(EstimatorInput input, const imu::NavState& state) {
   if (inputs_.empty()) first_t_odom_imu_ = state.t_odom_imu;
@@ -50,7 +51,7 @@ void StartReview::add(EstimatorInput input, const imu::NavState& state) {
   }
   if (has_imu) {
     const double dt = input.imu->duration_s();
-    const Eigen::Vector3d g_odom = -gravity_mps2_ * up();
+    const Eigen::Vector3d g_odom = -config_.sensor.gravity_mps2 * up();
     gained_m_ += dt * gained_mps_ + before * input.imu->delta_p + 0.5 * dt * dt * g_odom;
     gained_mps_ += before * input.imu->delta_v + dt * g_odom;
   }
@@ -61,6 +62,14 @@ void StartReview::add(EstimatorInput input, const imu::NavState& state) {
   inputs_.push_back(std::move(input));
 }
 
+/// The IMU is calm, but not for long enough to say that the sensor stands: the question would only hold it
+/// up.
+bool StartReview::may_stand() const {
+  const auto& imu = inputs_.back().imu;
+  return imu && scans_.size() < kLastQuestion && imu::is_calm(imu->recent, config_.imu) &&
+         !imu::is_long_enough(imu->recent, config_.imu);
+}
+
 /// `odom` stands upright by what the accelerometer felt at the first scan.
 Eigen::Vector3d StartReview::up() const {
   return is_steep_ ? Eigen::Vector3d(R_level_odom_.transpose().col(2)) : Eigen::Vector3d::UnitZ();
@@ -69,6 +78,7 @@ Eigen::Vector3d StartReview::up() const {
 std::optional<MovingStart> StartReview::find_motion(bool has_witness) {
   if (scans_.size() < kFirstQuestion || (scans_.size() - kFirstQuestion) % kBetweenQuestions != 0)
     return std::nullopt;
+  if (may_stand()) return std::nullopt;
   const Eigen::Vector3d known_way = R_level_odom_ * (newest_t_odom_imu_ - first_t_odom_imu_);
   const BrightnessMotion motion = find_brightness_motion(scans_, known_way);
   const bool is_sure = motion.lead >= (has_witness && !motion.is_known ? kLeadOverWitness : kSureLead);

@@ -10,12 +10,14 @@ namespace {
 
 /// One more scan of a drive that was taken for a stand, `odom` tilted against the road by `tilt` about y. The
 /// IMU's axes are those of the road.
-void add_scan(const SyntheticRoad& road, int k, double speed_mps, double tilt, StartReview* review) {
+void add_scan(const SyntheticRoad& road, int k, double speed_mps, double tilt, StartReview* review,
+              double calm_s = ImuConfig().static_duration_s) {
   EstimatorInput input;
   input.features = road.scan(SyntheticRoad::kPeriod_s * k, speed_mps, 0.0, static_cast<unsigned>(k));
   const Eigen::Vector3d felt(road.acceleration_mps2, 0.0, SensorConfig().gravity_mps2);
   input.imu.emplace();
   input.imu->sample_count = 20;
+  input.imu->recent.duration_s = calm_s;
   input.imu->to = input.features.stamp;
   input.imu->from = input.features.stamp - static_cast<Stamp>(1e9 * SyntheticRoad::kPeriod_s);
   input.imu->delta_v = SyntheticRoad::kPeriod_s * felt;
@@ -27,7 +29,7 @@ void add_scan(const SyntheticRoad& road, int k, double speed_mps, double tilt, S
 }
 
 TEST(StartReview, FindsTheVelocityAfterEightScans) {
-  StartReview review{SensorConfig()};
+  StartReview review{Config()};
   for (int k = 0; k < 7; ++k) {
     add_scan(SyntheticRoad(), k, 22.0, 0.0, &review);
     EXPECT_FALSE(review.find_motion(false));
@@ -48,7 +50,7 @@ TEST(StartReview, WhoGathersSpeedStandsUprightByTheGround) {
   road.acceleration_mps2 = 3.0;
   const SensorConfig sensor;
   const double tilt = -std::atan2(road.acceleration_mps2, sensor.gravity_mps2);
-  StartReview review{sensor};
+  StartReview review{Config()};
   for (int k = 0; k < 8; ++k) add_scan(road, k, 15.0, tilt, &review);
   const auto start = review.find_motion(false);
   ASSERT_TRUE(start);
@@ -58,10 +60,20 @@ TEST(StartReview, WhoGathersSpeedStandsUprightByTheGround) {
   EXPECT_LT((start->v_odom - 15.0 * R_odom_road.col(0)).norm(), 0.7);
 }
 
+TEST(StartReview, WaitsWhileACalmImuMayYetSayThatTheSensorStands) {
+  StartReview review{Config()};
+  for (int k = 0; k < 8; ++k)
+    add_scan(SyntheticRoad(), k, 22.0, 0.0, &review, 0.5 * ImuConfig().static_duration_s);
+  EXPECT_FALSE(review.find_motion(false));
+  EXPECT_FALSE(review.is_over());
+  for (int k = 8; k < 12; ++k) add_scan(SyntheticRoad(), k, 22.0, 0.0, &review);
+  EXPECT_TRUE(review.find_motion(false));
+}
+
 TEST(StartReview, IsOverWhenTheScansSayNothing) {
   SyntheticRoad road;
   road.roughness = 0.0;
-  StartReview review{SensorConfig()};
+  StartReview review{Config()};
   for (int k = 0; k < 16; ++k) {
     EXPECT_FALSE(review.is_over()) << k;
     add_scan(road, k, 22.0, 0.0, &review);

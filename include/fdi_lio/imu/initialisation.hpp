@@ -11,8 +11,15 @@ namespace fdi_lio::imu {
 /// Orientation with zero yaw that turns the mean specific force upwards. Identity without readings.
 Eigen::Quaterniond level_orientation(const ImuStatistics& statistics);
 
-/// Whether the readings are those of a sensor at rest; needs the full `static_duration_s`.
+/// Whether the readings are those of a sensor at rest: calm, and for the full `static_duration_s`. A smooth
+/// drive can look the same.
 bool is_static(const ImuStatistics& statistics, const ImuConfig& config);
+
+/// Whether the readings scatter and turn as little as those of a sensor at rest.
+bool is_calm(const ImuStatistics& statistics, const ImuConfig& config);
+
+/// Whether the readings last for `static_duration_s`, but for a tenth.
+bool is_long_enough(const ImuStatistics& statistics, const ImuConfig& config);
 
 /// One interval of initialisation in motion: lidar pose at its end, and the IMU since the pose before.
 struct AlignmentInterval {

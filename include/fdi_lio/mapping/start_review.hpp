@@ -35,24 +35,26 @@ struct MovingStart {
 /// velocity then hold on to what travels with the sensor: rings on the ground, vehicles at the same speed.
 class StartReview {
  public:
-  explicit StartReview(const SensorConfig& sensor);
+  explicit StartReview(const Config& config);
 
   /// `state` is what was estimated for the scan.
   void add(EstimatorInput input, const imu::NavState& state);
 
   /// The motion at the start, once the scans say that it was clearly another one than estimated. After 8,
-  /// 12 and 16 scans; the review is over when they are sure of it, or after the last. `has_witness`: surfaces
-  /// that stand told the estimated one from the first two scans alone; it then takes more to overrule it.
+  /// 12 and 16 scans, but not while the IMU may yet find that the sensor stands; the review is over when they
+  /// are sure of it, or after the last. `has_witness`: surfaces that stand told the estimated one from the
+  /// first two scans alone; it then takes more to overrule it.
   std::optional<MovingStart> find_motion(bool has_witness);
 
   bool is_over() const { return is_over_; }
   const std::vector<EstimatorInput>& inputs() const { return inputs_; }
 
  private:
+  bool may_stand() const;
   Eigen::Vector3d up() const;
 
+  Config config_;
   Eigen::Matrix3d R_imu_lidar_;
-  double gravity_mps2_;
   Eigen::Matrix3d R_level_odom_ = Eigen::Matrix3d::Identity();  ///< by the ground
   Eigen::Vector3d gained_mps_ = Eigen::Vector3d::Zero();  ///< by the accelerometer since the first scan, odom
   Eigen::Vector3d gained_m_ = Eigen::Vector3d::Zero();
