@@ -203,6 +203,43 @@ Preintegration preintegrate(const std::vector<ImuSample>& samples, Stamp from, S
   return out;
 }
 
+Preintegration joined(const Preintegration& first, const Preintegration& second) {
+  const CorrectedDelta then = corrected(second, first.gyro_bias, first.accel_bias);
+  const Eigen::Matrix3d R = first.delta_q.toRotationMatrix();
+  const Eigen::Matrix3d turned_back = then.delta_q.toRotationMatrix().transpose();
+  const Eigen::Matrix3d R_v_hat = R * so3::hat(then.delta_v);
+  const Eigen::Matrix3d R_p_hat = R * so3::hat(then.delta_p);
+  const double dt = second.duration_s();
+
+  Preintegration out = second;  // with what is said of the end
+  out.from = first.from;
+  out.gyro_bias = first.gyro_bias;
+  out.accel_bias = first.accel_bias;
+  out.delta_q = (first.delta_q * then.delta_q).normalized();
+  out.delta_v = first.delta_v + R * then.delta_v;
+  out.delta_p = first.delta_p + dt * first.delta_v + R * then.delta_p;
+  out.dq_dbg = turned_back * first.dq_dbg + second.dq_dbg;
+  out.dv_dbg = first.dv_dbg - R_v_hat * first.dq_dbg + R * second.dv_dbg;
+  out.dv_dba = first.dv_dba + R * second.dv_dba;
+  out.dp_dbg = first.dp_dbg + dt * first.dv_dbg - R_p_hat * first.dq_dbg + R * second.dp_dbg;
+  out.dp_dba = first.dp_dba + dt * first.dv_dba + R * second.dp_dba;
+
+  Matrix9d A = Matrix9d::Identity();
+  A.block<3, 3>(kTheta, kTheta) = turned_back;
+  A.block<3, 3>(kPosition, kTheta) = -R_p_hat;
+  A.block<3, 3>(kPosition, kVelocity) = dt * Eigen::Matrix3d::Identity();
+  A.block<3, 3>(kVelocity, kTheta) = -R_v_hat;
+  Matrix9d B = Matrix9d::Identity();
+  B.block<3, 3>(kPosition, kPosition) = R;
+  B.block<3, 3>(kVelocity, kVelocity) = R;
+  out.covariance = first.covariance + second.covariance;  // the walks of the biases
+  out.covariance.topLeftCorner<9, 9>() = A * first.covariance.topLeftCorner<9, 9>() * A.transpose() +
+                                         B * second.covariance.topLeftCorner<9, 9>() * B.transpose();
+  out.sample_count = first.sample_count + second.sample_count;
+  out.longest_gap_s = std::max(first.longest_gap_s, second.longest_gap_s);
+  return out;
+}
+
 CorrectedDelta corrected(const Preintegration& p, const Eigen::Vector3d& gyro_bias,
                          const Eigen::Vector3d& accel_bias) {
   const Eigen::Vector3d dbg = gyro_bias - p.gyro_bias;

@@ -6,11 +6,13 @@
 namespace fdi_lio::imu {
 
 std::optional<Preintegration> preintegrate_scan_interval(const ImuBuffer& imu,
-                                                         const std::optional<NavState>& state, Stamp to,
+                                                         const std::optional<NavState>& state,
+                                                         const std::optional<Stamp>& unanswered, Stamp to,
                                                          const Config& config) {
   if (imu.empty()) return std::nullopt;
   const bool has_state = state && !is_jump(state->stamp, to);
-  const Stamp from = has_state ? state->stamp : add_seconds(to, -config.imu.static_duration_s);
+  const Stamp newest = has_state ? state->stamp : add_seconds(to, -config.imu.static_duration_s);
+  const Stamp from = unanswered.value_or(newest);
   const NavState neutral;
   const NavState& biases = has_state ? *state : neutral;
   Preintegration result = preintegrate(imu.between(from, to), from, to, biases.gyro_bias, biases.accel_bias,

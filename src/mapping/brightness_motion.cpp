@@ -10,7 +10,6 @@
 
 #include <Eigen/LU>
 
-#include "fdi_lio/common/key_index.hpp"
 #include "fdi_lio/common/parallel.hpp"
 #include "fdi_lio/common/time.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
@@ -51,7 +50,7 @@ struct Depth {
   std::size_t stride;    ///< of the points
   std::size_t farthest;  ///< scans apart that are compared
 };
-constexpr Depth kCoarse = {2, 4};
+constexpr Depth kCoarse = {4, 4};
 constexpr Depth kFine = {1, 6};
 
 /// What each block says of a velocity; NaN where it compared too little.
@@ -63,57 +62,96 @@ struct Hypothesis {
   double score = 0.0;
 };
 
-/// Means of the details in cells, of one scan under one velocity.
+/// Means of the details in cells, of one scan under one velocity. Hundreds of velocities are tried: cells are
+/// found by their column of the level plane, in a table that is small enough to stay in the cache.
 class DetailCells {
  public:
   /// `velocity` at the scan, `sensor` where it was then.
   void fill(const BrightScan& scan, const Eigen::Vector3f& velocity, const Eigen::Vector3f& sensor,
             std::size_t stride) {
-    index_.clear();
+    for (const CellMean& cell : cells_) newest_of_[column_of(cell.x, cell.y)] = kNone;
     cells_.clear();
     for (std::size_t k = 0; k < scan.points.size(); k += stride) {
       const BrightPoint& point = scan.points[k];
-      const Eigen::Vector3f position = sensor + point.position + point.time_s * velocity;
+      const Eigen::Vector3f from_sensor = point.position + point.time_s * velocity;
+      const Eigen::Vector3f position = (sensor + from_sensor) / kCellM;
       // What lies in a cell is not compared with what stands in it.
-      const std::uint64_t key = 2 * key_of(cell_of(position / kCellM)) + (point.stands ? 1 : 0);
-      const std::uint32_t number = index_.find_or_add(key);
-      if (number == cells_.size())
-        cells_.push_back({key, block_of(position - sensor, point.stands), 0.0F, 0.0F});
-      cells_[number].sum += point.detail;
-      cells_[number].count += 1.0F;
+      const auto layer = static_cast<std::int16_t>(2 * floor_of(position.z()) + (point.stands ? 1 : 0));
+      const auto x = static_cast<std::int16_t>(floor_of(position.x()));
+      const auto y = static_cast<std::int16_t>(floor_of(position.y()));
+      std::uint16_t& newest = newest_of_[column_of(x, y)];
+      std::uint16_t number = find(newest, x, y, layer);
+      if (number == kNone) {
+        number = static_cast<std::uint16_t>(cells_.size());
+        cells_.push_back({x, y, layer, newest, block_of(from_sensor, point.stands), 0, 0.0F});
+        newest = number;
+      }
+      cells_[number].mean += point.detail;
+      ++cells_[number].count;
     }
+    for (CellMean& cell : cells_) cell.mean /= static_cast<float>(cell.count);
   }
 
   /// Adds the squared differences to those of `before`, by the blocks of `before`.
   void compare(const DetailCells& before, std::vector<float>* squares,
                std::vector<std::size_t>* counts) const {
     for (const CellMean& cell : cells_) {
-      const std::uint32_t number = before.index_.find(cell.key);
-      if (number == KeyIndex::kNone) continue;
+      const std::uint16_t newest = before.newest_of_[column_of(cell.x, cell.y)];
+      const std::uint16_t number = before.find(newest, cell.x, cell.y, cell.layer);
+      if (number == kNone) continue;
       const CellMean& other = before.cells_[number];
       if (other.block >= kBlocks) continue;
-      const float difference = cell.sum / cell.count - other.sum / other.count;
+      const float difference = cell.mean - other.mean;
       (*squares)[other.block] += difference * difference;
       ++(*counts)[other.block];
     }
   }
 
  private:
+  static constexpr std::uint16_t kNone = 0xFFFFU;
+  static_assert(kMostPoints < kNone, "each cell has a number");
+  static constexpr std::uint32_t kTableBits = 8;  ///< 128 m: farther apart, columns share an entry
+
   struct CellMean {
-    std::uint64_t key;
-    std::size_t block;
-    float sum;
-    float count;
+    std::int16_t x;
+    std::int16_t y;
+    std::int16_t layer;
+    std::uint16_t next;  ///< cell of the same column
+    std::uint16_t block;
+    std::uint16_t count;
+    float mean;
   };
 
-  static std::size_t block_of(const Eigen::Vector3f& from_sensor, bool stands) {
-    const Eigen::Vector3i at = cell_of((from_sensor + Eigen::Vector3f::Constant(kReachM)) / kBlockM);
-    if (at.x() < 0 || at.y() < 0 || at.x() >= kBlocksAcross || at.y() >= kBlocksAcross) return kBlocks;
-    return (stands ? kColumns : 0) + static_cast<std::size_t>(at.y()) * kBlocksAcross +
-           static_cast<std::size_t>(at.x());
+  static std::int32_t floor_of(float value) {
+    const auto towards_zero = static_cast<std::int32_t>(value);
+    return towards_zero - (static_cast<float>(towards_zero) > value ? 1 : 0);
   }
 
-  KeyIndex index_;  ///< a cell's number is its place in `cells_`
+  static std::size_t column_of(std::int16_t x, std::int16_t y) {
+    constexpr std::uint32_t kMask = (1U << kTableBits) - 1U;
+    return ((static_cast<std::uint32_t>(y) & kMask) << kTableBits) | (static_cast<std::uint32_t>(x) & kMask);
+  }
+
+  /// The cell among those of its column, from `newest` on; kNone if it is empty.
+  std::uint16_t find(std::uint16_t newest, std::int16_t x, std::int16_t y, std::int16_t layer) const {
+    std::uint16_t number = newest;
+    while (number != kNone) {
+      const CellMean& cell = cells_[number];
+      if (cell.layer == layer && cell.x == x && cell.y == y) break;
+      number = cell.next;
+    }
+    return number;
+  }
+
+  static std::uint16_t block_of(const Eigen::Vector3f& from_sensor, bool stands) {
+    const std::int32_t x = floor_of((from_sensor.x() + kReachM) / kBlockM);
+    const std::int32_t y = floor_of((from_sensor.y() + kReachM) / kBlockM);
+    if (x < 0 || y < 0 || x >= kBlocksAcross || y >= kBlocksAcross) return kBlocks;
+    return static_cast<std::uint16_t>((stands ? kColumns : 0U) +
+                                      static_cast<std::size_t>(y * kBlocksAcross + x));
+  }
+
+  std::vector<std::uint16_t> newest_of_ = std::vector<std::uint16_t>(1U << (2U * kTableBits), kNone);
   std::vector<CellMean> cells_;
 };
 

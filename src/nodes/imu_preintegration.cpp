@@ -65,6 +65,7 @@ void ImuPreintegration::on_scan(const ScanInfoConstPtr& message) {
     anew_from_ = stamp;
     scans_.clear();
     previous_scan_.reset();
+    sent_scan_.reset();
     state_.reset();
     state_message_.reset();
     state_gate_->reset();
@@ -85,7 +86,9 @@ bool ImuPreintegration::answer_front() {
   const Stamp needed = std::min(stamp, ros_bridge::to_stamp(scans_.front()->newest_imu));
   const bool has_readings = needed == 0 || (!imu_->empty() && imu_->newest() >= needed);
   if (!has_readings && waited_s < config().nodes.answer_timeout_s) return false;
-  const auto preintegration = imu::preintegrate_scan_interval(*imu_, state_, stamp, config());
+  std::optional<Stamp> unanswered;
+  if (sent_scan_ && !state_gate_->has_answered(*sent_scan_)) unanswered = sent_scan_;
+  const auto preintegration = imu::preintegrate_scan_interval(*imu_, state_, unanswered, stamp, config());
   PreintegratedImuPtr message = boost::make_shared<PreintegratedImu>();
   if (preintegration) message = ros_bridge::to_message(*preintegration, config().frames.imu);
   message->header.stamp = scans_.front()->header.stamp;
@@ -94,6 +97,9 @@ bool ImuPreintegration::answer_front() {
   if (state_message_) message->state = *state_message_;
   preintegration_publisher_.publish(message);
   previous_scan_ = stamp;
+  // Mapping that is late estimates this scan before the next; mapping that was away has its last estimate.
+  sent_scan_.reset();
+  if (preintegration_publisher_.getNumSubscribers() > 0) sent_scan_ = stamp;
   scans_.pop_front();
   front_since_ = SteadyClock::now();
   return true;

@@ -37,7 +37,8 @@ class ImuPreintegration : public NodeBase {
   std::optional<imu::NavState> state_;
   EstimatorStateConstPtr state_message_;
   std::optional<Stamp> previous_scan_;
-  Stamp anew_from_ = 0;  ///< what is said of earlier scans comes too late
+  std::optional<Stamp> sent_scan_;  ///< the same, if mapping was there to hear of it
+  Stamp anew_from_ = 0;             ///< what is said of earlier scans comes too late
   std::deque<ScanInfoConstPtr> scans_;
   SteadyClock::time_point front_since_;
   std::optional<SensorFrames> frames_;

@@ -125,6 +125,7 @@ void MappingOptimization::begin_anew(Stamp stamp, const std::string& reason) {
   answer(preintegrated_, &*imu_gate_);
   answer(degeneracies_, &*degeneracy_gate_);
   if (estimator_) estimator_->reset();
+  imu_since_.reset();
   ++beginnings_;
 }
 
@@ -204,10 +205,26 @@ void MappingOptimization::resume(const PreintegratedImu& message) {
   const Stamp stamp = ros_bridge::to_stamp(message.header.stamp);
   // A state from long ago says nothing about where the robot is now.
   if (before.stamp >= stamp || is_jump(before.stamp, stamp)) return;
-  const bool has_imu = before.imu_status == imu::ImuStatus::kInitialised && message.available &&
-                       message.sample_count > 0 && message.begin == message.state.header.stamp;
-  estimator_->resume(has_imu ? imu::predict(before, ros_bridge::to_preintegration(message))
-                             : imu::coast(before, stamp));
+  const bool has_imu = before.imu_status == imu::ImuStatus::kInitialised && imu_since_ &&
+                       imu_since_->sample_count > 0 && imu_since_->from == before.stamp;
+  estimator_->resume(has_imu ? imu::predict(before, *imu_since_) : imu::coast(before, stamp));
+}
+
+PreintegratedImuConstPtr MappingOptimization::take_preintegrated(const ros::Time& stamp) {
+  PreintegratedImuConstPtr newest;
+  while (!preintegrated_.empty() && preintegrated_.front()->header.stamp <= stamp) {
+    newest = preintegrated_.front();
+    preintegrated_.pop_front();
+    if (!newest->available) {
+      imu_since_.reset();
+      continue;
+    }
+    const imu::Preintegration next = ros_bridge::to_preintegration(*newest);
+    const bool follows =
+        imu_since_ && imu_since_->to == next.from && imu_since_->sample_count > 0 && next.sample_count > 0;
+    imu_since_ = follows ? imu::joined(*imu_since_, next) : next;
+  }
+  return newest && newest->header.stamp == stamp ? newest : nullptr;
 }
 
 bool MappingOptimization::process_front() {
@@ -218,16 +235,23 @@ bool MappingOptimization::process_front() {
   if (!imu_gate_->is_open(stamp, waited_s) || !degeneracy_gate_->is_open(stamp, waited_s)) return false;
   const FeaturesConstPtr features = features_.front();
   features_.pop_front();
+  const PreintegratedImuConstPtr preintegrated = take_preintegrated(ros_stamp);
+  process(*features, preintegrated, take(&degeneracies_, ros_stamp));
+  // What came for the next while this one was worked on has not been read yet: its wait begins now.
   front_since_ = SteadyClock::now();
-  const PreintegratedImuConstPtr preintegrated = take(&preintegrated_, ros_stamp);
-  const DegeneracyConstPtr degeneracy = take(&degeneracies_, ros_stamp);
+  return true;
+}
+
+void MappingOptimization::process(const Features& features, const PreintegratedImuConstPtr& preintegrated,
+                                  const DegeneracyConstPtr& degeneracy) {
+  const Stamp stamp = ros_bridge::to_stamp(features.header.stamp);
   try {
     if (preintegrated && preintegrated->has_state && !estimator_->state()) resume(*preintegrated);
     pipeline::ScanOutput output;
-    output.features = ros_bridge::to_features(*features);
+    output.features = ros_bridge::to_features(features);
     if (degeneracy) output.degeneracy = ros_bridge::to_degeneracy(*degeneracy);
     std::optional<imu::Preintegration> imu;
-    if (preintegrated && preintegrated->available) imu = ros_bridge::to_preintegration(*preintegrated);
+    if (preintegrated && preintegrated->available) imu = imu_since_;
     const auto begin = SteadyClock::now();
     const auto estimate = estimator_->add(output.features, output.degeneracy, imu);
     times_.add("mapping", 1e3 * seconds_since(begin));
@@ -239,17 +263,17 @@ bool MappingOptimization::process_front() {
         state_publisher_.publish(
             ros_bridge::to_state_message(unchanged, stamp, config().frames.odom, config().frames.imu));
       }
-      return true;
+      return;
     }
+    imu_since_.reset();
     output.estimate = *estimate;
     if (!previous_scan_) first_scan_ = stamp;
     previous_scan_ = stamp;
-    publish(output, features->header.frame_id);
+    publish(output, features.header.frame_id);
     if (directory_) directory_->add(output);
   } catch (const Error& error) {
     reporter()->report(Severity::kError, "scan_message", error.what());
   }
-  return true;
 }
 
 void MappingOptimization::publish(const pipeline::ScanOutput& output, const std::string& lidar_frame) {

@@ -46,6 +46,11 @@ class MappingOptimization : public NodeBase {
   void on_external_odometry(const nav_msgs::OdometryConstPtr& message);
   bool prepare();
   bool process_front();
+  void process(const Features& features, const PreintegratedImuConstPtr& preintegrated,
+               const DegeneracyConstPtr& degeneracy);
+  /// The message for the scan. Joins the readings since the newest estimate, when scans between were lost on
+  /// their way here, or that estimate came too late for imu_preintegration to begin at it.
+  PreintegratedImuConstPtr take_preintegrated(const ros::Time& stamp);
   void request_reset();
   std::string output_folder();
   void begin_recording();
@@ -64,6 +69,7 @@ class MappingOptimization : public NodeBase {
   std::deque<FeaturesConstPtr> features_;
   std::deque<DegeneracyConstPtr> degeneracies_;
   std::deque<PreintegratedImuConstPtr> preintegrated_;
+  std::optional<imu::Preintegration> imu_since_;  ///< the newest estimate
   SteadyClock::time_point front_since_;
 
   std::unique_ptr<pipeline::RunDirectory> directory_;

@@ -47,7 +47,8 @@ class SlamPipeline::Implementation {
     output.degeneracy = timer_.timed(
         "degeneracy", [&] { return degeneracy_.estimate(output.scan, output.features, status_); });
     const auto imu = timer_.timed("preintegration", [&] {
-      return imu::preintegrate_scan_interval(imu_, estimator_.state(), output.scan.stamp, config_);
+      return imu::preintegrate_scan_interval(imu_, estimator_.state(), std::nullopt, output.scan.stamp,
+                                             config_);
     });
     const auto estimate =
         timer_.timed("mapping", [&] { return estimator_.add(output.features, output.degeneracy, imu); });

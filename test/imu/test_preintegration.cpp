@@ -98,6 +98,40 @@ TEST(Preintegration, GapInflatesTheCovariance) {
   EXPECT_GT(gap.covariance(6, 6), 100.0 * whole.covariance(6, 6));
 }
 
+TEST(Preintegration, TwoThatAreJoinedAreThatOfAllReadings) {
+  const auto samples = SyntheticMotion().samples(0.0, 0.4, 200.0);
+  const Stamp begin = samples.front().stamp;
+  const Stamp middle = samples[30].stamp;
+  const Stamp end = samples.back().stamp;
+  const auto over = [&](Stamp from, Stamp to, const Eigen::Vector3d& gyro_bias) {
+    return preintegrate(samples, from, to, gyro_bias, Eigen::Vector3d(0.05, -0.02, 0.01), kNoise,
+                        ImuConfig());
+  };
+  const Eigen::Vector3d bias(0.01, -0.02, 0.03);
+  const Preintegration whole = over(begin, end, bias);
+  const Preintegration same = joined(over(begin, middle, bias), over(middle, end, bias));
+  EXPECT_EQ(same.from, begin);
+  EXPECT_EQ(same.to, end);
+  EXPECT_EQ(same.sample_count, whole.sample_count);
+  EXPECT_LT(same.delta_q.angularDistance(whole.delta_q), 1e-12);
+  EXPECT_LT((same.delta_v - whole.delta_v).norm(), 1e-12);
+  EXPECT_LT((same.delta_p - whole.delta_p).norm(), 1e-12);
+  EXPECT_LT((same.dq_dbg - whole.dq_dbg).norm(), 1e-12);
+  EXPECT_LT((same.dv_dbg - whole.dv_dbg).norm(), 1e-12);
+  EXPECT_LT((same.dv_dba - whole.dv_dba).norm(), 1e-12);
+  EXPECT_LT((same.dp_dbg - whole.dp_dbg).norm(), 1e-12);
+  EXPECT_LT((same.dp_dba - whole.dp_dba).norm(), 1e-12);
+  // A step turns with its mean attitude, what is joined with that of its begin: second order in the step.
+  EXPECT_LT((same.covariance - whole.covariance).norm(), 1e-4 * whole.covariance.norm());
+
+  const Eigen::Vector3d later_bias = bias + Eigen::Vector3d(1e-3, 1e-3, -1e-3);
+  const Preintegration other = joined(over(begin, middle, bias), over(middle, end, later_bias));
+  EXPECT_EQ(other.gyro_bias, bias);
+  EXPECT_LT(other.delta_q.angularDistance(whole.delta_q), 1e-7);
+  EXPECT_LT((other.delta_v - whole.delta_v).norm(), 1e-5);
+  EXPECT_LT((other.delta_p - whole.delta_p).norm(), 1e-5);
+}
+
 TEST(Preintegration, NoReadingGivesNoSamples) {
   const Preintegration p = preintegrate({}, 0, to_nanoseconds(0.1), Eigen::Vector3d::Zero(),
                                         Eigen::Vector3d::Zero(), kNoise, ImuConfig());

@@ -2,6 +2,7 @@
 import filecmp
 import os
 import pathlib
+import re
 import signal
 import socket
 import subprocess
@@ -63,6 +64,10 @@ class Launch:
 
     def text(self):
         return self.log.read_text(encoding="utf-8")
+
+    def pid_of(self, node):
+        info = self.run("rosnode", "info", f"/fdi_lio/{node}").stdout
+        return int(re.search(r"^Pid: (\d+)", info, re.MULTILINE)[1])
 
     def wait_for_topic(self, topic, message_count=1, timeout_s=60):
         done = subprocess.run(["timeout", str(timeout_s), "rostopic", "echo", "-n", str(message_count), topic],

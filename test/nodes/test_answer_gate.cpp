@@ -12,7 +12,9 @@ TEST(AnswerGate, WaitsUntilTheAnswerComes) {
   EXPECT_FALSE(gate.is_open(100, 0.1));
   gate.answered(99);
   EXPECT_FALSE(gate.is_open(100, 0.1));
+  EXPECT_FALSE(gate.has_answered(100));
   gate.answered(100);
+  EXPECT_TRUE(gate.has_answered(100));
   EXPECT_TRUE(gate.is_open(100, 0.1));
   EXPECT_EQ(gate.timeouts(), 0U);
 }

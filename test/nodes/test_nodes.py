@@ -4,6 +4,8 @@
 usage: test_nodes.py BIN_DIR SOURCE_DIR [TEST...]
 """
 import filecmp
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -16,6 +18,8 @@ import broken_bags  # noqa: E402
 import test_velodyne_packets as velodyne_packets  # noqa: E402
 
 HOUR_S = 3600.0
+HANG_S = 3.0
+FULL_SPEED_AT_S = 10
 JUMP_AT_S = 4  # the vehicle has hardly left: a new map at full speed would be another test
 NODES = ("imu_preintegration", "scan_deskew", "feature_extraction", "degeneracy_estimation", "mapping_optimization")
 
@@ -84,6 +88,29 @@ class Nodes(Recording):
                 self.assertGreater(estimate[-1, 0], truth[-1, 0] - 0.3)
                 self.assertGreater(len(estimate), 10 * (DURATION_S - 5))
                 self.expect_same_way(estimate, truth)
+
+    def test_a_mapping_node_that_hangs_catches_up_and_misses_no_reading(self):
+        truth = read_tum(self.path / "street.tum")
+        launch = self.play("hang")
+        launch.wait_for_topic("/fdi_lio/odometry/lidar/header", 60)
+        pid = launch.pid_of("mapping_optimization")
+        os.kill(pid, signal.SIGSTOP)
+        launch.wait_for_topic("/fdi_lio/scan/info", int(10 * HANG_S))
+        os.kill(pid, signal.SIGCONT)
+        text = launch.wait()
+        self.assertIn("mapping_optimization does not answer", text)
+        self.assertNotIn("no IMU data", text)
+        estimate = read_tum(self.path / "hang/trajectory.tum")
+        self.assertGreater(len(estimate), 10 * DURATION_S - 3)
+        self.expect_same_way(estimate, truth)
+
+    def test_a_start_at_full_speed(self):
+        text = self.play("moving", f"start:={FULL_SPEED_AT_S}").wait()
+        self.assertIn("started in motion", text)
+        self.assertNotIn("no IMU data", text)
+        estimate = read_tum(self.path / "moving/trajectory.tum")
+        self.assertGreater(len(estimate), 10 * (DURATION_S - FULL_SPEED_AT_S) - 3)
+        self.expect_same_way(estimate, read_tum(self.path / "street.tum"))
 
     def test_clocks_that_jump_for_good_begin_a_new_map(self):
         truth = read_tum(self.path / "street.tum")

@@ -23,13 +23,14 @@ class AnswerGate {
 
   /// Whether to go on with what is known, `waited_s` after the wait for `stamp` began.
   bool is_open(Stamp stamp, double waited_s) {
-    if (newest_ && *newest_ >= stamp) return true;
-    if (is_silent_) return true;
+    if (has_answered(stamp) || is_silent_) return true;
     if (waited_s < timeout_s_) return false;
     is_silent_ = true;
     ++timeouts_;
     return true;
   }
+
+  bool has_answered(Stamp stamp) const { return newest_ && *newest_ >= stamp; }
 
   std::uint64_t timeouts() const { return timeouts_; }
 

@@ -38,6 +38,11 @@ Preintegration constant_velocity(const NavState& state, Stamp to, const ImuConfi
 /// all that can be used while gravity is unknown.
 Preintegration gyro_only(const Preintegration& measured, const ImuConfig& config);
 
+/// One preintegration of two that follow each other (`first.to` is `second.from`, both with readings), at the
+/// biases of the first: what preintegrating all their readings gives; exact, but for biases that differ, for
+/// which Forster eq. 44 stands.
+Preintegration joined(const Preintegration& first, const Preintegration& second);
+
 /// Preintegrated terms at other biases, to first order (Forster eq. 44).
 struct CorrectedDelta {
   Eigen::Quaterniond delta_q;
