@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 """Plays a recording to the nodes and ends when its last scan has been mapped.
 
-Waits until all nodes listen, so that nothing of the beginning is lost, starts `rosbag play --clock`, and after its end
-waits until mapping has been silent for a while. Where the recording lacks the lidar's topic and has exactly one other of
+Waits until all nodes run, starts `rosbag play --clock --pause`, lets it go when everybody who listens is connected, so
+that nothing of the beginning is lost, and after its end waits until mapping has been silent for a while. Where the recording lacks the lidar's topic and has exactly one other of
 a fitting type, that one is played in its place. Made for fdi_lio.launch.
 """
 import argparse
@@ -11,18 +11,22 @@ import signal
 import subprocess
 import sys
 import time
+import xmlrpc.client
 
 import rosbag
 import rosgraph
 import rospy
 from fdi_lio.msg import EstimatorState
+from std_srvs.srv import SetBool
 
 TOPICS = ("scan/deskewed", "scan/info", "imu/preintegrated", "features/all", "degeneracy", "mapping/status",
           "mapping/state")
 LIDAR_TYPES = ("sensor_msgs/PointCloud2", "velodyne_msgs/VelodyneScan")
 NODES_TIMEOUT_S = 60.0
-# Between advertising the recording's topics and its first message.
-CONNECT_S = 1.0
+CONNECT_TIMEOUT_S = 10.0
+# Messages kept for a node that does not read for a while: seconds of the fastest IMU.
+QUEUE = 2000
+# How long mapping may take for one scan; beside that, the last scan waits for readings that will never come.
 SILENCE_S = 2.0
 
 
@@ -93,15 +97,52 @@ def lidar_remapping(bags, wanted):
     return ["%s:=%s" % (found, wanted)]
 
 
+def wait_for_connections(player):
+    """Waits until everybody who listens to a topic of the player is connected to it."""
+    master = rosgraph.Master(rospy.get_name())
+    deadline = time.monotonic() + CONNECT_TIMEOUT_S
+    with xmlrpc.client.ServerProxy(master.lookupNode(player)) as node:
+        while not rospy.is_shutdown():
+            publishers, subscribers, _ = master.getSystemState()
+            played = {topic for topic, nodes in publishers if player in nodes}
+            wanted = {(topic, name) for topic, names in subscribers if topic in played for name in names}
+            connections = node.getBusInfo(rospy.get_name())[2]
+            missing = wanted - {(topic, name) for _, name, _, _, topic, *_ in connections}
+            if not missing:
+                return
+            if time.monotonic() > deadline:
+                rospy.logwarn("not connected to the recording after %.0f s, playing without: %s", CONNECT_TIMEOUT_S,
+                              ", ".join("%s of %s" % pair for pair in sorted(missing)))
+                return
+            time.sleep(0.02)
+
+
+def let_go(player, process):
+    """Ends the pause in which `rosbag play` began."""
+    service = player + "/pause_playback"
+    while process.poll() is None and not rospy.is_shutdown():
+        try:
+            rospy.wait_for_service(service, 0.1)
+            pause = rospy.ServiceProxy(service, SetBool)
+            pause(True)  # is answered when the player has opened the recording and announced its topics
+            wait_for_connections(player)
+            pause(False)
+            return
+        except (rospy.ROSException, rospy.ServiceException):
+            pass  # not there yet
+
+
 def play(arguments, remapping):
-    command = ["rosbag", "play", "--clock", "--quiet", "--delay", str(CONNECT_S), "--rate", str(arguments.rate)]
+    name = rospy.get_name().strip("/").replace("/", "_") + "_player"
+    command = ["rosbag", "play", "--clock", "--quiet", "--pause", "--queue", str(QUEUE), "--rate", str(arguments.rate)]
     if arguments.start > 0:
         command += ["--start", str(arguments.start)]
     if arguments.duration > 0:
         command += ["--duration", str(arguments.duration)]
     # rosbag announces "clock" relative to its namespace, and everybody listens to /clock.
     environment = {name: value for name, value in os.environ.items() if name != "ROS_NAMESPACE"}
-    player = subprocess.Popen(command + arguments.bags + remapping, env=environment)
+    player = subprocess.Popen(command + arguments.bags + remapping + ["__name:=" + name], env=environment)
+    let_go("/" + name, player)
     while player.poll() is None and not rospy.is_shutdown():
         time.sleep(0.1)
     if player.poll() is None:
@@ -120,7 +161,8 @@ def main():
     if code != 0:
         return code
     watch.last = time.monotonic()
-    while time.monotonic() - watch.last < SILENCE_S and not rospy.is_shutdown():
+    silence_s = SILENCE_S + rospy.get_param("scan_deskew/answer_timeout")
+    while time.monotonic() - watch.last < silence_s and not rospy.is_shutdown():
         time.sleep(0.1)
     rospy.loginfo("the recording has ended; mapping answered %d scans", watch.count)
     if watch.count == 0:

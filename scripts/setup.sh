@@ -15,7 +15,7 @@ debian_packages=(
   libnodeletlib-dev libnodelet-dev libnodeletlib-tools pluginlib-dev
   libdiagnostic-updater-dev libdiagnostic-msgs-dev
   librostest-dev python3-rostest python3-roslaunch
-  python3-std-msgs python3-geometry-msgs python3-nav-msgs python3-sensor-msgs python3-diagnostic-msgs
+  python3-std-msgs python3-std-srvs python3-geometry-msgs python3-nav-msgs python3-sensor-msgs python3-diagnostic-msgs
   python3-rosbag python3-rosgraph python3-rospy python3-rosnode python3-rostopic python3-tf2-ros rosout
   libvisualization-msgs-dev ros-visualization-msgs librviz-dev rviz
   libpcl-ros-dev libpcl-conversions-dev libpcl-dev

@@ -25,6 +25,7 @@ void ScanDeskew::start() {
   reader_.emplace(config().sensor, reporter());
   if (config().check.enabled) check_.emplace(config());
   state_gate_.emplace(config().nodes.answer_timeout_s);
+  imu_gate_.emplace(config().nodes.answer_timeout_s);
   ros::NodeHandle& handle = getNodeHandle();
   frames_.emplace(config(), handle);
   info_publisher_ = handle.advertise<ScanInfo>("scan/info", 50);
@@ -35,8 +36,9 @@ void ScanDeskew::start() {
   lidar_subscriber_ =
       handle.subscribe(config().sensor.points_topic, static_cast<std::uint32_t>(config().nodes.scan_queue),
                        &ScanDeskew::on_lidar, this, hints);
-  // For who plays a recording.
+  // For who plays a recording: where to, and how long the last scan waits.
   getPrivateNodeHandle().setParam("points_topic", lidar_subscriber_.getTopic());
+  getPrivateNodeHandle().setParam("answer_timeout", config().nodes.answer_timeout_s);
   if (!config().sensor.imu_topic.empty())
     imu_subscriber_ = handle.subscribe(config().sensor.imu_topic, 2000, &ScanDeskew::on_imu, this, hints);
   state_subscriber_ = handle.subscribe("mapping/state", 50, &ScanDeskew::on_state, this, hints);
@@ -47,7 +49,10 @@ void ScanDeskew::on_imu(const sensor_msgs::ImuConstPtr& message) {
   frames_->learn_imu_frame(message->header.frame_id);
   const imu::ImuSample sample = ros_bridge::to_imu_sample(*message);
   if (check_) check_->add_imu(sample);
-  if (imu_->add(sample) == StampVerdict::kDrop) return;
+  const StampVerdict verdict = imu_->add(sample);
+  if (verdict == StampVerdict::kDrop) return;
+  if (verdict == StampVerdict::kRestart) imu_gate_->reset();
+  imu_gate_->answered(imu_->newest());
   const Stamp kept = scans_.empty() ? imu_->newest() : std::min(imu_->newest(), scans_.front().stamp);
   imu_->drop_before(add_seconds(kept, -kKeptReadingsS));
   while (process_front()) {
@@ -151,9 +156,8 @@ bool ScanDeskew::process_front() {
   if (scans_.empty() || !prepare()) return false;
   const Stamp stamp = scans_.front().stamp;
   const double waited_s = seconds_since(front_since_);
-  const bool has_readings = !imu_->empty() && imu_->newest() >= stamp;
-  // The last scan of a recording has no next one, and the IMU may have ended before it.
-  if (!has_readings && scans_.size() < 2 && waited_s < config().nodes.answer_timeout_s) return false;
+  // A next scan does not prove that no more readings come: on a busy machine clouds overtake them.
+  if (imu_subscriber_ && !imu_gate_->is_open(stamp, waited_s)) return false;
   if (previous_scan_ && !state_gate_->is_open(*previous_scan_, waited_s)) return false;
   const Scan raw = std::move(scans_.front());
   scans_.pop_front();
@@ -217,6 +221,7 @@ void ScanDeskew::fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* s
   status->add("waiting scans", scans_.size());
   status->add("lost scans", lost_scans_);
   status->add("waits for mapping that timed out", state_gate_->timeouts());
+  status->add("waits for the IMU that timed out", imu_gate_->timeouts());
 }
 
 }  // namespace fdi_lio::nodes

@@ -22,9 +22,9 @@ namespace fdi_lio::nodes {
 
 /// scan_deskew: clouds or packets in, deskewed and filtered scans out. The first seconds are compared with
 /// the parameters (scan::DataCheck); after an error nothing more is taken. A scan waits until the IMU has
-/// reached its last point, or the next scan comes, and until mapping has answered the scan before. After a
-/// jump of the stamps or a reset the next scan tells the other nodes to begin anew as well. Scans that wait
-/// are kept up to `nodes.scan_queue`; what is dropped beyond that is counted.
+/// reached its last point and mapping has answered the scan before, each no longer than AnswerGate says.
+/// After a jump of the stamps or a reset the next scan tells the other nodes to begin anew as well. Scans
+/// that wait are kept up to `nodes.scan_queue`; what is dropped beyond that is counted.
 class ScanDeskew : public NodeBase {
  protected:
   void start() override;
@@ -51,7 +51,7 @@ class ScanDeskew : public NodeBase {
   bool is_refused_ = false;
   bool has_lidar_ = false;
   std::optional<scan::ScanProcessor> processor_;
-  std::optional<AnswerGate> state_gate_;
+  std::optional<AnswerGate> state_gate_, imu_gate_;
   std::optional<SensorFrames> frames_;
   StampGuard guard_;
   std::optional<imu::NavState> state_;

@@ -3,7 +3,6 @@
 
 usage: test_nodes.py BIN_DIR SOURCE_DIR [TEST...]
 """
-import filecmp
 import os
 import signal
 import subprocess
@@ -19,6 +18,7 @@ import test_velodyne_packets as velodyne_packets  # noqa: E402
 
 HOUR_S = 3600.0
 HANG_S = 3.0
+STALL_S = 0.7
 FULL_SPEED_AT_S = 10
 JUMP_AT_S = 4  # the vehicle has hardly left: a new map at full speed would be another test
 NODES = ("imu_preintegration", "scan_deskew", "feature_extraction", "degeneracy_estimation", "mapping_optimization")
@@ -26,21 +26,20 @@ NODES = ("imu_preintegration", "scan_deskew", "feature_extraction", "degeneracy_
 
 class Nodes(Recording):
     def test_five_processes_compute_what_one_does(self):
-        launch = self.play("processes")
-        text = launch.wait()
+        text = self.play_patiently("processes").wait()
         self.assertIn("recording has ended", text)
         self.assertRegex(text, r"\d+ scans; results in")
-        self.expect_same_as_offline("processes")
+        self.expect_same_as_offline("processes", text)
 
     def test_five_nodelets_compute_what_one_process_does(self):
-        self.play("nodelets", "nodelet:=true").wait()
-        self.expect_same_as_offline("nodelets")
+        text = self.play_patiently("nodelets", "nodelet:=true").wait()
+        self.expect_same_as_offline("nodelets", text)
 
     def test_another_odometry_moves_the_map_and_not_the_odometry(self):
-        self.play("wheels", "set:=external_odometry.enabled=true").wait(120)
+        text = self.play_patiently("wheels", set_also="external_odometry.enabled=true").wait()
         odometry = read_tum(self.path / "wheels/odometry.tum")
         trajectory = read_tum(self.path / "wheels/trajectory.tum")
-        self.assertTrue(filecmp.cmp(self.path / "offline/odometry.tum", self.path / "wheels/odometry.tum", shallow=False))
+        self.expect_same_file("wheels", "odometry.tum", text)
         apart = np.linalg.norm(trajectory[:, 1:4] - odometry[:, 1:4], axis=1)
         self.assertGreater(apart.max(), 1e-4)
         self.assertLess(apart.max(), 0.3)
@@ -103,6 +102,17 @@ class Nodes(Recording):
         estimate = read_tum(self.path / "hang/trajectory.tum")
         self.assertGreater(len(estimate), 10 * DURATION_S - 3)
         self.expect_same_way(estimate, truth)
+
+    def test_nodes_that_hang_change_nothing_when_the_others_wait(self):
+        launch = self.play_patiently("stalls")
+        launch.wait_for_topic("/fdi_lio/odometry/lidar/header", 60)
+        for node, pid in [(node, launch.pid_of(node)) for node in NODES]:
+            os.kill(pid, signal.SIGSTOP)
+            time.sleep(STALL_S)
+            os.kill(pid, signal.SIGCONT)
+        text = launch.wait()
+        self.assertNotIn("does not answer", text)
+        self.expect_same_as_offline("stalls", text)
 
     def test_a_start_at_full_speed(self):
         text = self.play("moving", f"start:={FULL_SPEED_AT_S}").wait()

@@ -13,7 +13,7 @@ import xmlrpc.client
 
 import numpy as np
 import yaml
-from node_fixture import BIN, SOURCE, Recording, read_tum, run_tests
+from node_fixture import BIN, PATIENT, SOURCE, Recording, read_tum, run_tests
 
 
 class Services(Recording):
@@ -32,8 +32,8 @@ class Services(Recording):
         return self.call(launch, "save_map", {"path": str(path), **request})
 
     def play_on(self, *arguments):
-        """A launch whose nodes stay when the recording has ended. However busy the machine is, nothing is left out."""
-        return self.launch(f"bag:={self.bag}", "set:=nodes.answer_timeout=10 nodes.scan_queue=300", *arguments)
+        """A launch whose nodes stay when the recording has ended. Nothing is left out."""
+        return self.launch(f"bag:={self.bag}", f"set:={PATIENT}", *arguments)
 
     def wait_for_end(self, launch):
         self.wait_for(lambda: "recording has ended" in launch.text(), launch)
