@@ -419,6 +419,8 @@ std::shared_ptr<const KeyframeCloud> GlobalOptimizer::cloud(std::size_t keyframe
   return implementation_->store_.get(keyframe);
 }
 
+std::size_t GlobalOptimizer::cleaned() const { return implementation_->ghosts_.given(); }
+
 const PlaceDescriptor& GlobalOptimizer::place(std::size_t keyframe) const {
   return implementation_->detector_.place(keyframe);
 }

@@ -1,7 +1,10 @@
 #include "map_frame.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <exception>
+#include <string>
 #include <utility>
 
 #include "message_queue.hpp"
@@ -22,6 +25,8 @@ constexpr double kDegree = M_PI / 180.0;
 /// map -> odom is stamped ahead, so that it can be combined with an odom -> base_link that is newer than the
 /// last scan.
 constexpr double kMapTransformAheadS = 0.5;
+/// Between two updates of what is shown, in durations of the last one: the thread has loops to look for.
+constexpr double kPauseOfDisplay = 9.0;
 
 geometry_msgs::Point to_point(const Eigen::Vector3d& p) {
   geometry_msgs::Point point;
@@ -64,13 +69,22 @@ LocalisationStatus to_message(const mapping::LocalisationResult& result, const s
   return message;
 }
 
-/// Publishes what has been decided since the last time. Called in the global thread only.
+/// Publishes the way as it is now, and what has been decided since the last time. Called in the global thread
+/// only.
 class Findings {
  public:
-  Findings(ros::Publisher loops, ros::Publisher fixes, std::string map_frame)
-      : loops_(std::move(loops)), fixes_(std::move(fixes)), map_frame_(std::move(map_frame)) {}
+  Findings(PathPublisher path, ros::Publisher loops, ros::Publisher fixes, std::string map_frame,
+           const Eigen::Isometry3d& T_imu_base)
+      : path_(std::move(path)),
+        loops_(std::move(loops)),
+        fixes_(std::move(fixes)),
+        map_frame_(std::move(map_frame)),
+        T_imu_base_(T_imu_base) {}
 
   void publish(const mapping::GlobalOptimizer& global) {
+    path_.publish(global.size(), [&](std::size_t k) {
+      return evaluation::StampedPose{global.stamp(k), global.T_map_imu(k) * T_imu_base_};
+    });
     verdicts_.resize(global.loops().size());
     for (std::size_t k = 0; k < verdicts_.size(); ++k) {
       const mapping::LoopCandidate& loop = global.loops()[k];
@@ -88,8 +102,10 @@ class Findings {
   }
 
  private:
+  PathPublisher path_;
   ros::Publisher loops_, fixes_;
   std::string map_frame_;
+  Eigen::Isometry3d T_imu_base_;
   std::vector<std::optional<mapping::LoopVerdict>> verdicts_;
   std::size_t fix_count_ = 0;
 };
@@ -102,9 +118,8 @@ MapFrame::MapFrame(ros::NodeHandle handle, const Config& config, SensorFrames* f
       frames_(frames),
       reporter_(reporter),
       blend_(config.nodes.correction_time_constant_s),
+      path_publisher_(handle, config.frames.map, static_cast<std::size_t>(config.nodes.path_poses)),
       is_recorded_(is_recorded) {
-  path_publisher_ = handle.advertise<nav_msgs::Path>("path", 1, true);
-  keyframes_publisher_ = handle.advertise<geometry_msgs::PoseArray>("keyframes", 1, true);
   map_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("map/global", 1, true);
   loops_publisher_ = handle.advertise<LoopCandidate>("loops", 100);
   gnss_publisher_ = handle.advertise<GnssVerdict>("gnss/verdicts", 100);
@@ -140,10 +155,11 @@ bool MapFrame::has_loaded() const {
 void MapFrame::begin_anew() {
   clouds_.clear();
   waiting_.clear();
-  path_ = nav_msgs::Path();
-  path_.header.frame_id = config_.frames.map;
+  keyframe_count_ = 0;
+  session_way_.clear();
   blend_.reset();
-  display_ = std::make_unique<mapping::MapBuilder>(config_.nodes.global_map_voxel_m);
+  display_ = std::make_shared<Display>(config_.nodes.global_map_voxel_m);
+  displayed_ = std::future<void>();
   findings_.reset();
   keyframes_.reset();
   // Their threads end below, without the lock, for which they may wait.
@@ -215,35 +231,22 @@ void MapFrame::add(const mapping::EstimateResult& estimate, const FeatureSet& fe
   if (newest) {
     const Eigen::Isometry3d T_map_odom = blend_.follow(stamp, *newest, T_odom_imu);
     if (config_.frames.publish_tf) send_transform(stamp, T_map_odom);
-    if (estimate.is_keyframe) add_to_path(stamp, T_map_odom * T_odom_imu * frames_->T_base_imu()->inverse());
+    if (localiser_ && estimate.is_keyframe) publish_session_way(stamp, T_map_odom * T_odom_imu);
   }
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (!localiser_) poses_.push_back({stamp, T_odom_imu});
     if (localiser_ && newest) poses_.push_back({stamp, *newest * T_odom_imu});
   }
+  keyframe_count_ += estimate.is_keyframe ? 1 : 0;
   if (!estimate.is_keyframe && !(localiser_ && localiser_->wants(stamp))) return;
   waiting_.push_back({estimate, features});
   take_clouds();
 }
 
-void MapFrame::add_to_path(Stamp stamp, const Eigen::Isometry3d& T_map_base) {
-  geometry_msgs::PoseStamped pose;
-  pose.header.stamp = ros_bridge::to_ros_time(stamp);
-  pose.header.frame_id = config_.frames.map;
-  pose.pose = tf2::toMsg(T_map_base);
-  path_.header.stamp = pose.header.stamp;
-  path_.poses.push_back(pose);
-  if (path_.poses.size() > static_cast<std::size_t>(config_.nodes.path_poses)) {
-    std::size_t kept = 0;
-    for (std::size_t k = 0; k < path_.poses.size(); k += 2) path_.poses[kept++] = path_.poses[k];
-    path_.poses.resize(kept);
-  }
-  path_publisher_.publish(path_);
-  geometry_msgs::PoseArray keyframes;
-  keyframes.header = path_.header;
-  for (const geometry_msgs::PoseStamped& each : path_.poses) keyframes.poses.push_back(each.pose);
-  keyframes_publisher_.publish(keyframes);
+void MapFrame::publish_session_way(Stamp stamp, const Eigen::Isometry3d& T_map_imu) {
+  session_way_.push_back({stamp, T_map_imu * frames_->T_base_imu()->inverse()});
+  path_publisher_.publish(session_way_.size(), [this](std::size_t k) { return session_way_[k]; });
 }
 
 void MapFrame::add_cloud(const DeskewedCloudConstPtr& cloud) {
@@ -263,7 +266,6 @@ void MapFrame::take_clouds() {
       if (localiser_) {
         localiser_->add(std::move(keyframe));
       } else {
-        display_->add(keyframe.cloud.surface, global_->T_map_odom() * keyframe.T_odom_imu);
         global_->add(std::move(keyframe));
         publish_findings();
       }
@@ -275,7 +277,8 @@ void MapFrame::take_clouds() {
 /// The publishing is done in the global thread, when the keyframe before has been looked at.
 void MapFrame::publish_findings() {
   if (!findings_) {
-    const auto findings = std::make_shared<Findings>(loops_publisher_, gnss_publisher_, config_.frames.map);
+    const auto findings = std::make_shared<Findings>(path_publisher_, loops_publisher_, gnss_publisher_,
+                                                     config_.frames.map, frames_->T_base_imu()->inverse());
     findings_ = [findings](const mapping::GlobalOptimizer& global) { findings->publish(global); };
   }
   global_->run(*findings_);
@@ -292,10 +295,33 @@ void MapFrame::add_external(const mapping::ExternalPose& pose) {
 
 void MapFrame::publish_map(Stamp stamp) {
   if (map_publisher_.getNumSubscribers() == 0) return;
-  if (seconds_since(published_at_) <= config_.nodes.global_map_period_s) return;
+  const double pause_s =
+      std::max(config_.nodes.global_map_period_s, kPauseOfDisplay * display_->duration_s.load());
+  if (seconds_since(published_at_) <= pause_s) return;
+  if (localiser_) {
+    published_at_ = SteadyClock::now();
+    map_publisher_.publish(ros_bridge::to_cloud(session_points_, stamp, config_.frames.map));
+  } else if (global_) {
+    publish_growing_map();
+  }
+}
+
+void MapFrame::publish_growing_map() {
+  if (displayed_.valid() && displayed_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
+  try {
+    if (displayed_.valid()) displayed_.get();
+  } catch (const std::exception& error) {
+    reporter_->report(Severity::kError, "map_display", std::string("map/global: ") + error.what());
+  }
   published_at_ = SteadyClock::now();
-  map_publisher_.publish(
-      ros_bridge::to_cloud(localiser_ ? session_points_ : display_->points(), stamp, config_.frames.map));
+  displayed_ = global_->run([display = display_, publisher = map_publisher_,
+                             frame = config_.frames.map](const mapping::GlobalOptimizer& global) {
+    if (global.size() == 0) return;
+    const auto begin = SteadyClock::now();
+    display->map.follow(global);
+    publisher.publish(ros_bridge::to_cloud(display->map.points(), global.stamp(global.size() - 1), frame));
+    display->duration_s = seconds_since(begin);
+  });
 }
 
 void MapFrame::write(pipeline::RunDirectory* directory, double map_voxel_m) {
@@ -315,7 +341,7 @@ MapSnapshot MapFrame::snapshot() const {
 
 void MapFrame::fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* status) const {
   using diagnostic_msgs::DiagnosticStatus;
-  status->add("keyframes", path_.poses.size());
+  status->add("keyframes", keyframe_count_);
   if (global_) {
     status->add("keyframes that wait for loop search", global_->backlog());
     if (!global_->error().empty()) status->mergeSummary(DiagnosticStatus::ERROR, global_->error());

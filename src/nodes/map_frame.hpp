@@ -1,8 +1,11 @@
 #pragma once
 
+#include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <future>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -10,10 +13,9 @@
 
 #include "map_services.hpp"
 #include "node_base.hpp"
+#include "path_publisher.hpp"
 #include "sensor_frames.hpp"
-#include <geometry_msgs/PoseArray.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
-#include <nav_msgs/Path.h>
 #include <tf2_ros/transform_broadcaster.h>
 
 #include "fdi_lio/mapping/correction_blend.hpp"
@@ -21,7 +23,7 @@
 #include "fdi_lio/mapping/global_worker.hpp"
 #include "fdi_lio/mapping/keyframe.hpp"
 #include "fdi_lio/mapping/localiser_worker.hpp"
-#include "fdi_lio/mapping/map_builder.hpp"
+#include "fdi_lio/mapping/map_display.hpp"
 #include "fdi_lio/pipeline/run_directory.hpp"
 #include <fdi_lio/DeskewedCloud.h>
 
@@ -49,7 +51,8 @@ class MapFrame {
   void add_fix(const mapping::GnssFix& fix);
   void add_external(const mapping::ExternalPose& pose);
 
-  /// Publishes map/global when it is time.
+  /// Publishes map/global when it is time; the map is made in the global thread, and in a tenth of its time
+  /// at most.
   void publish_map(Stamp stamp);
 
   /// Waits until everything is in the map and writes it. Throws Error when the disk takes no more.
@@ -64,6 +67,13 @@ class MapFrame {
   void fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* status) const;
 
  private:
+  /// Used in the global thread only, but for the duration.
+  struct Display {
+    explicit Display(double voxel_m) : map(voxel_m) {}
+    mapping::MapDisplay map;
+    std::atomic<double> duration_s{0.0};  ///< that the last update took
+  };
+
   struct WaitingScan {
     mapping::EstimateResult estimate;
     FeatureSet features;
@@ -73,7 +83,8 @@ class MapFrame {
   void on_initial_pose(const geometry_msgs::PoseWithCovarianceStampedConstPtr& message);
   std::optional<Eigen::Isometry3d> newest_correction() const;
   void send_transform(Stamp stamp, const Eigen::Isometry3d& T_map_odom);
-  void add_to_path(Stamp stamp, const Eigen::Isometry3d& T_map_base);
+  void publish_session_way(Stamp stamp, const Eigen::Isometry3d& T_map_imu);
+  void publish_growing_map();
   void take_clouds();
   void publish_findings();
 
@@ -84,17 +95,19 @@ class MapFrame {
   std::deque<DeskewedCloudConstPtr> clouds_;
   std::deque<WaitingScan> waiting_;                  ///< for their clouds
   std::optional<mapping::KeyframeMaker> keyframes_;  ///< once the extrinsics are known
-  nav_msgs::Path path_;
-  std::vector<Point> session_points_;             ///< what is shown of a session
-  std::unique_ptr<mapping::MapBuilder> display_;  ///< what is shown of the map
+  std::size_t keyframe_count_ = 0;
+  std::vector<evaluation::StampedPose> session_way_;  ///< T_map_base of each keyframe, when localising
+  std::vector<Point> session_points_;                 ///< what is shown of a session
+  std::shared_ptr<Display> display_;                  ///< what is shown of the map
+  std::future<void> displayed_;                       ///< the update under way
   SteadyClock::time_point published_at_;
   std::optional<std::function<void(const mapping::GlobalOptimizer&)>>
-      findings_;  ///< publishes loops and fixes
+      findings_;  ///< publishes way, loops and fixes
 
   tf2_ros::TransformBroadcaster broadcaster_;
   ros::Subscriber initial_pose_subscriber_;
-  ros::Publisher path_publisher_, keyframes_publisher_, map_publisher_, loops_publisher_, gnss_publisher_,
-      localisation_publisher_;
+  PathPublisher path_publisher_;
+  ros::Publisher map_publisher_, loops_publisher_, gnss_publisher_, localisation_publisher_;
 
   bool is_recorded_;
   mutable std::mutex mutex_;                          ///< of what other threads read or write: what follows

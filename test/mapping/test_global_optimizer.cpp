@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "synthetic_places.hpp"
+#include "synthetic_drive.hpp"
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -12,43 +12,6 @@
 
 namespace fdi_lio::mapping {
 namespace {
-
-/// Keyframes every 2 m round a square of 50 m, as often as wanted, with drifting odometry.
-struct Drive {
-  Drive(unsigned town_seed, double laps, double yaw_error_rad_per_m) {
-    const SyntheticWorld town = make_town(town_seed);
-    Eigen::Isometry3d T_odom = Eigen::Isometry3d::Identity();
-    const int count = static_cast<int>(laps * 100.0);
-    for (int k = 0; k < count; ++k) {
-      const int side = k / 25 % 4;
-      const Eigen::Isometry3d corner = planar_pose(25.0, -25.0, 0.5 * M_PI);
-      const Eigen::Isometry3d T =
-          planar_pose(0.0, 0.0, 0.5 * M_PI * side) * corner * planar_pose(2.0 * (k % 25), 0.0, 0.0);
-      if (!truth.empty())
-        T_odom = T_odom * truth.back().inverse() * T * planar_pose(0.0, 0.0, 2.0 * yaw_error_rad_per_m);
-      truth.push_back(T);
-      Keyframe keyframe;
-      keyframe.stamp = 1000000000LL * k;
-      keyframe.T_odom_imu = T_odom;
-      keyframe.covariance = 1e-8 * Matrix6d::Identity();
-      keyframe.cloud = town.seen_from(T, static_cast<unsigned>(k));
-      keyframes.push_back(keyframe);
-    }
-  }
-
-  /// How far the poses of the last keyframes are from where they were a lap before, beyond the truth.
-  double worst_revisit(const GlobalOptimizer& global) const {
-    double worst = 0.0;
-    for (std::size_t k = 110; k < global.size(); ++k) {
-      const Eigen::Isometry3d seen = global.T_map_imu(k - 100).inverse() * global.T_map_imu(k);
-      worst = std::max(worst, seen.translation().norm());
-    }
-    return worst;
-  }
-
-  std::vector<Eigen::Isometry3d> truth;
-  std::vector<Keyframe> keyframes;
-};
 
 /// The candidates, for messages of failed tests.
 std::string describe(const GlobalOptimizer& global) {
@@ -63,7 +26,7 @@ std::string describe(const GlobalOptimizer& global) {
 }
 
 TEST(GlobalOptimizer, SecondLapClosesTheLoop) {
-  const Drive drive(1, 1.3, 4e-4);
+  const SyntheticDrive drive(1, 1.3, 4e-4);
   Config config;
   Reporter reporter;
   GlobalOptimizer global(config, &reporter);
@@ -82,7 +45,7 @@ TEST(GlobalOptimizer, SecondLapClosesTheLoop) {
 
 /// Loops that say what the map knows already wait for others; in the end nothing is different.
 TEST(GlobalOptimizer, LoopsThatAgreeAreSolvedTogether) {
-  const Drive drive(1, 2.2, 2e-5);
+  const SyntheticDrive drive(1, 2.2, 2e-5);
   const auto run = [&drive](int solve_every, int* changes) {
     Config config;
     config.loop.solve_every = solve_every;
@@ -110,7 +73,7 @@ TEST(GlobalOptimizer, LoopsThatAgreeAreSolvedTogether) {
 /// With 400 keyframes at least two lie between optimisations, though each has a loop that contradicts; what
 /// waits is taken in when asked for.
 TEST(GlobalOptimizer, ALargeGraphIsOptimisedLessOften) {
-  const Drive drive(1, 4.2, 2e-4);
+  const SyntheticDrive drive(1, 4.2, 2e-4);
   Config config;
   config.loop.spacing_m = 0.5;
   config.loop.min_path_m = 750.0;
@@ -138,7 +101,7 @@ TEST(GlobalOptimizer, ALargeGraphIsOptimisedLessOften) {
 }
 
 TEST(GlobalOptimizer, SameInputGivesTheSameBitsWithAnyNumberOfThreads) {
-  const Drive drive(2, 1.15, 4e-4);
+  const SyntheticDrive drive(2, 1.15, 4e-4);
   const auto run = [&drive](std::size_t threads) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     Reporter reporter;
@@ -154,7 +117,7 @@ TEST(GlobalOptimizer, SameInputGivesTheSameBitsWithAnyNumberOfThreads) {
 }
 
 TEST(GlobalOptimizer, ScansMoveWithTheKeyframeBefore) {
-  const Drive drive(1, 1.3, 4e-4);
+  const SyntheticDrive drive(1, 1.3, 4e-4);
   Reporter reporter;
   GlobalOptimizer global(Config(), &reporter);
   for (const Keyframe& keyframe : drive.keyframes) global.add(keyframe);
@@ -305,7 +268,7 @@ TEST(GlobalOptimizer, GravityKeepsTheMapLevel) {
 }
 
 TEST(GlobalOptimizer, CloudsMakeRoomForTheGraph) {
-  const Drive drive(1, 1.3, 0.0);
+  const SyntheticDrive drive(1, 1.3, 0.0);
   Config config;
   config.loop.enabled = false;
   config.loop.cloud_memory_mb = 3;

@@ -39,6 +39,9 @@ class GhostRemover {
   /// not cleaned.
   std::optional<std::size_t> next(bool is_last);
 
+  /// Keyframes that `next` gave: those before this one.
+  std::size_t given() const { return next_; }
+
   /// The cloud of a keyframe that `next` gave, without what was looked through; nothing when all of it stays.
   std::optional<KeyframeCloud> clean(std::size_t keyframe, const KeyframeCloud& cloud) const;
 

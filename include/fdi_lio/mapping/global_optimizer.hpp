@@ -70,6 +70,8 @@ class GlobalOptimizer {
   const Eigen::Isometry3d& T_odom_imu(std::size_t keyframe) const;
   Eigen::Isometry3d T_map_imu(std::size_t keyframe) const;
   std::shared_ptr<const KeyframeCloud> cloud(std::size_t keyframe) const;
+  /// The clouds of the keyframes before this one will not change any more.
+  std::size_t cleaned() const;
   const PlaceDescriptor& place(std::size_t keyframe) const;
   double descriptor_range_m() const;
   /// That the clouds may take: what all keyframes need for the graph and the search leaves of
