@@ -2,8 +2,9 @@
 """Plays a recording to the nodes and ends when its last scan has been mapped.
 
 Waits until all nodes run, starts `rosbag play --clock --pause`, lets it go when everybody who listens is connected, so
-that nothing of the beginning is lost, and after its end waits until mapping has been silent for a while. Where the recording lacks the lidar's topic and has exactly one other of
-a fitting type, that one is played in its place. Made for fdi_lio.launch.
+that nothing of the beginning is lost, and after its end waits until mapping has been silent for a while. Where the
+recording lacks the lidar's topic and has exactly one other of a fitting type, that one is played in its place. Made for
+fdi_lio.launch.
 """
 import argparse
 import os
@@ -128,12 +129,12 @@ def let_go(player, process):
             wait_for_connections(player)
             pause(False)
             return
-        except (rospy.ROSException, rospy.ServiceException):
-            pass  # not there yet
+        except (rospy.ROSException, rospy.ServiceException, rosgraph.MasterException, OSError):
+            time.sleep(0.02)  # not there yet, or it has just ended: then the loop does, too
 
 
 def play(arguments, remapping):
-    name = rospy.get_name().strip("/").replace("/", "_") + "_player"
+    player_name = rospy.get_name().strip("/").replace("/", "_") + "_player"
     command = ["rosbag", "play", "--clock", "--quiet", "--pause", "--queue", str(QUEUE), "--rate", str(arguments.rate)]
     if arguments.start > 0:
         command += ["--start", str(arguments.start)]
@@ -141,8 +142,8 @@ def play(arguments, remapping):
         command += ["--duration", str(arguments.duration)]
     # rosbag announces "clock" relative to its namespace, and everybody listens to /clock.
     environment = {name: value for name, value in os.environ.items() if name != "ROS_NAMESPACE"}
-    player = subprocess.Popen(command + arguments.bags + remapping + ["__name:=" + name], env=environment)
-    let_go("/" + name, player)
+    player = subprocess.Popen(command + arguments.bags + remapping + ["__name:=" + player_name], env=environment)
+    let_go("/" + player_name, player)
     while player.poll() is None and not rospy.is_shutdown():
         time.sleep(0.1)
     if player.poll() is None:

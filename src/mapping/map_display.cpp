@@ -24,8 +24,9 @@ void MapDisplay::follow(const GlobalOptimizer& global) {
     placed_.clear();
   }
   for (std::size_t k = placed_.size(); k < global.cleaned(); ++k) {
+    const auto cloud = global.cloud(k);  // first what may throw
     placed_.push_back(global.T_map_imu(k));
-    settled_.add(global.cloud(k)->surface, placed_.back());
+    settled_.add(cloud->surface, placed_.back());
   }
   newest_.clear();
   for (std::size_t k = placed_.size(); k < global.size(); ++k)

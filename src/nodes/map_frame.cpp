@@ -25,8 +25,9 @@ constexpr double kDegree = M_PI / 180.0;
 /// map -> odom is stamped ahead, so that it can be combined with an odom -> base_link that is newer than the
 /// last scan.
 constexpr double kMapTransformAheadS = 0.5;
-/// Between two updates of what is shown, in durations of the last one: the thread has loops to look for.
-constexpr double kPauseOfDisplay = 9.0;
+/// From one update of what is shown to the next, in durations of the last one: the thread has loops to look
+/// for.
+constexpr double kPeriodOfDisplay = 10.0;
 
 geometry_msgs::Point to_point(const Eigen::Vector3d& p) {
   geometry_msgs::Point point;
@@ -295,9 +296,9 @@ void MapFrame::add_external(const mapping::ExternalPose& pose) {
 
 void MapFrame::publish_map(Stamp stamp) {
   if (map_publisher_.getNumSubscribers() == 0) return;
-  const double pause_s =
-      std::max(config_.nodes.global_map_period_s, kPauseOfDisplay * display_->duration_s.load());
-  if (seconds_since(published_at_) <= pause_s) return;
+  const double period_s =
+      std::max(config_.nodes.global_map_period_s, kPeriodOfDisplay * display_->duration_s.load());
+  if (seconds_since(published_at_) <= period_s) return;
   if (localiser_) {
     published_at_ = SteadyClock::now();
     map_publisher_.publish(ros_bridge::to_cloud(session_points_, stamp, config_.frames.map));

@@ -51,8 +51,8 @@ class MapFrame {
   void add_fix(const mapping::GnssFix& fix);
   void add_external(const mapping::ExternalPose& pose);
 
-  /// Publishes map/global when it is time; the map is made in the global thread, and in a tenth of its time
-  /// at most.
+  /// Publishes map/global when it is time; the map is made in the global thread, and in about a tenth of
+  /// its time at most.
   void publish_map(Stamp stamp);
 
   /// Waits until everything is in the map and writes it. Throws Error when the disk takes no more.
