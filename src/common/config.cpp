@@ -54,6 +54,8 @@ void SensorConfig::visit(ParameterVisitor& v) {
   v.real({"sensor.gravity", "m/s^2", "magnitude of gravity"}, gravity_mps2, 9.7, 9.9);
   v.vector3({"sensor.T_imu_lidar.translation", "m", "p_imu = T_imu_lidar * p_lidar"}, t_imu_lidar);
   v.rotation({"sensor.T_imu_lidar.rotation", "", "quaternion x y z w, or matrix row by row"}, q_imu_lidar);
+  v.real({"sensor.lidar_time_offset_sigma", "s", "how well lidar_time_offset is known"},
+         lidar_time_offset_sigma_s, 0.0, 1.0);
   v.real({"sensor.mounting_sigma", "deg", "how well the rotation of T_imu_lidar is known, about each axis"},
          mounting_sigma_deg, 0.0, 10.0);
 }
@@ -214,6 +216,10 @@ void MappingConfig::visit(ParameterVisitor& v) {
   v.flag({"mapping.estimate_mounting", "",
           "estimate the error of the rotation of T_imu_lidar, with sensor.mounting_sigma as what is known"},
          estimate_mounting);
+  v.flag({"mapping.estimate_time_offset", "",
+          "estimate what is left of the offset of the clocks, with sensor.lidar_time_offset_sigma as what is "
+          "known"},
+         estimate_time_offset);
   v.real({"mapping.tilt_walk", "deg/sqrt(m)",
           "random walk of the tilt of the local map against gravity: errors of the beams turn it on the way"},
          tilt_walk_deg, 0.0, 10.0);

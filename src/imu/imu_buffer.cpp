@@ -77,13 +77,19 @@ StampVerdict ImuBuffer::add(const ImuSample& sample) {
   return verdict;
 }
 
-std::vector<ImuSample> ImuBuffer::between(Stamp from, Stamp to) const {
-  auto begin = first_after(samples_, from);
+bool ImuBuffer::reaches(Stamp stamp, double lidar_time_offset_s) const {
+  return !samples_.empty() && newest() >= add_seconds(stamp, lidar_time_offset_s);
+}
+
+std::vector<ImuSample> ImuBuffer::between(Stamp from, Stamp to, double lidar_time_offset_s) const {
+  auto begin = first_after(samples_, add_seconds(from, lidar_time_offset_s));
   if (begin != samples_.begin()) --begin;
-  auto end = std::lower_bound(begin, samples_.end(), to,
+  auto end = std::lower_bound(begin, samples_.end(), add_seconds(to, lidar_time_offset_s),
                               [](const ImuSample& sample, Stamp value) { return sample.stamp < value; });
   if (end != samples_.end()) ++end;
-  return {begin, end};
+  std::vector<ImuSample> readings(begin, end);
+  for (ImuSample& reading : readings) reading.stamp = add_seconds(reading.stamp, -lidar_time_offset_s);
+  return readings;
 }
 
 ImuStatistics ImuBuffer::statistics(Stamp to, double duration_s) const {

@@ -112,6 +112,34 @@ void integrate_step(const ImuSample& a, const ImuSample& b, const StepNoise& noi
   out->delta_q = (out->delta_q * so3::exp_q(dt * rate)).normalized();
 }
 
+/// How the rate changes from the begin to the end of the interval, in the axes of its end: readings that are
+/// later by d take what comes after the end and leave out what came after the begin, Exp(-d w_from) delta_q
+/// Exp(d w_to). Means over the first and the last quarter tell it, carried on to the ends: two single
+/// readings would, by their noise, seem to tell the time of a sensor that does not turn.
+Eigen::Vector3d change_of_rate(const std::vector<ImuSample>& clipped, const Preintegration& interval) {
+  const double quarter_s = 0.25 * interval.duration_s();
+  struct Mean {
+    Eigen::Vector3d rate = Eigen::Vector3d::Zero();
+    double time_s = 0.0;
+    double count = 0.0;
+    void add(const ImuSample& sample, Stamp origin) {
+      rate += sample.angular_velocity;
+      time_s += seconds_between(origin, sample.stamp);
+      ++count;
+    }
+  } first, last;
+  for (const ImuSample& sample : clipped) {
+    if (seconds_between(interval.from, sample.stamp) <= quarter_s) first.add(sample, interval.from);
+    if (seconds_between(sample.stamp, interval.to) <= quarter_s) last.add(sample, interval.from);
+  }
+  const double between_s = last.time_s / last.count - first.time_s / first.count;
+  if (between_s <= 0.0) return Eigen::Vector3d::Zero();
+  const Eigen::Vector3d change =
+      (last.rate / last.count - interval.gyro_bias) -
+      interval.delta_q.conjugate() * (first.rate / first.count - interval.gyro_bias);
+  return change * (interval.duration_s() / between_s);
+}
+
 }  // namespace
 
 ImuNoise noise_of(const SensorConfig& sensor) {
@@ -197,6 +225,7 @@ Preintegration preintegrate(const std::vector<ImuSample>& samples, Stamp from, S
       noise.accel_bias_walk * noise.accel_bias_walk * dt * Eigen::Matrix3d::Identity();
   out.longest_gap_s = longest_gap(samples, from, to);
   out.last_angular_velocity = clipped.back().angular_velocity;
+  out.dq_doffset = change_of_rate(clipped, out);
   for (const ImuSample& sample : samples) {
     if (sample.stamp > from && sample.stamp <= to) ++out.sample_count;
   }
@@ -204,7 +233,7 @@ Preintegration preintegrate(const std::vector<ImuSample>& samples, Stamp from, S
 }
 
 Preintegration joined(const Preintegration& first, const Preintegration& second) {
-  const CorrectedDelta then = corrected(second, first.gyro_bias, first.accel_bias);
+  const CorrectedDelta then = corrected(second, first.gyro_bias, first.accel_bias, first.lidar_time_offset_s);
   const Eigen::Matrix3d R = first.delta_q.toRotationMatrix();
   const Eigen::Matrix3d turned_back = then.delta_q.toRotationMatrix().transpose();
   const Eigen::Matrix3d R_v_hat = R * so3::hat(then.delta_v);
@@ -215,6 +244,7 @@ Preintegration joined(const Preintegration& first, const Preintegration& second)
   out.from = first.from;
   out.gyro_bias = first.gyro_bias;
   out.accel_bias = first.accel_bias;
+  out.lidar_time_offset_s = first.lidar_time_offset_s;
   out.delta_q = (first.delta_q * then.delta_q).normalized();
   out.delta_v = first.delta_v + R * then.delta_v;
   out.delta_p = first.delta_p + dt * first.delta_v + R * then.delta_p;
@@ -223,6 +253,7 @@ Preintegration joined(const Preintegration& first, const Preintegration& second)
   out.dv_dba = first.dv_dba + R * second.dv_dba;
   out.dp_dbg = first.dp_dbg + dt * first.dv_dbg - R_p_hat * first.dq_dbg + R * second.dp_dbg;
   out.dp_dba = first.dp_dba + dt * first.dv_dba + R * second.dp_dba;
+  out.dq_doffset = turned_back * first.dq_doffset + second.dq_doffset;
 
   Matrix9d A = Matrix9d::Identity();
   A.block<3, 3>(kTheta, kTheta) = turned_back;
@@ -241,11 +272,12 @@ Preintegration joined(const Preintegration& first, const Preintegration& second)
 }
 
 CorrectedDelta corrected(const Preintegration& p, const Eigen::Vector3d& gyro_bias,
-                         const Eigen::Vector3d& accel_bias) {
+                         const Eigen::Vector3d& accel_bias, double lidar_time_offset_s) {
   const Eigen::Vector3d dbg = gyro_bias - p.gyro_bias;
   const Eigen::Vector3d dba = accel_bias - p.accel_bias;
   CorrectedDelta delta;
-  delta.delta_q = p.delta_q * so3::exp_q(p.dq_dbg * dbg);
+  delta.delta_q =
+      p.delta_q * so3::exp_q(p.dq_dbg * dbg + (lidar_time_offset_s - p.lidar_time_offset_s) * p.dq_doffset);
   delta.delta_v = p.delta_v + p.dv_dbg * dbg + p.dv_dba * dba;
   delta.delta_p = p.delta_p + p.dp_dbg * dbg + p.dp_dba * dba;
   return delta;
@@ -253,7 +285,7 @@ CorrectedDelta corrected(const Preintegration& p, const Eigen::Vector3d& gyro_bi
 
 NavState predict(const NavState& state, const Preintegration& p) {
   const double dt = p.duration_s();
-  const CorrectedDelta delta = corrected(p, state.gyro_bias, state.accel_bias);
+  const CorrectedDelta delta = corrected(p, state.gyro_bias, state.accel_bias, state.lidar_time_offset_s);
   const Eigen::Quaterniond q_pose_imu = so3::exp_q(state.mounting);
   const Eigen::Quaterniond q_imu = state.q_odom_imu * q_pose_imu;
   NavState next = state;

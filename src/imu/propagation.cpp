@@ -65,8 +65,9 @@ void ImuPropagator::set_state(const NavState& state, const ImuBuffer& buffer) {
   reset();
   if (!buffer.empty() && is_jump(state.stamp, buffer.newest())) return;
   state_ = state;
-  if (buffer.empty() || buffer.newest() <= state.stamp) return;
-  state_ = propagate(state, buffer.between(state.stamp, buffer.newest()), buffer.newest()).back();
+  state_->stamp = add_seconds(state.stamp, state.lidar_time_offset_s);
+  if (buffer.empty() || buffer.newest() <= state_->stamp) return;
+  state_ = propagate(*state_, buffer.between(state_->stamp, buffer.newest(), 0.0), buffer.newest()).back();
   last_sample_ = buffer.samples().back();
 }
 

@@ -15,9 +15,11 @@ std::optional<Preintegration> preintegrate_scan_interval(const ImuBuffer& imu,
   const Stamp from = unanswered.value_or(newest);
   const NavState neutral;
   const NavState& biases = has_state ? *state : neutral;
-  Preintegration result = preintegrate(imu.between(from, to), from, to, biases.gyro_bias, biases.accel_bias,
-                                       noise_of(config.sensor), config.imu);
-  result.recent = imu.statistics(to, config.imu.static_duration_s);
+  const double offset_s = biases.lidar_time_offset_s;
+  Preintegration result = preintegrate(imu.between(from, to, offset_s), from, to, biases.gyro_bias,
+                                       biases.accel_bias, noise_of(config.sensor), config.imu);
+  result.lidar_time_offset_s = offset_s;
+  result.recent = imu.statistics(add_seconds(to, offset_s), config.imu.static_duration_s);
   return result;
 }
 

@@ -37,6 +37,11 @@ constexpr double kElevationWay = 20.0;
 constexpr double kBeamsOfSigma = 16.0;  ///< that mapping.common_elevation_sigma holds for
 constexpr double kUsualMounting = 5.0;  ///< error of the mounting in its standard deviations
 constexpr double kLeastMountingSigma_deg = 0.05;
+constexpr double kUsualTimeOffset = 2.0;  ///< in its standard deviations
+constexpr double kLeastTimeOffsetSigma_s = 1e-3;
+/// It is reported when it has changed by no more than this share in so many scans.
+constexpr double kSettledShare = 0.05;
+constexpr int kSettledScans = 30;
 
 /// The prediction by a motion that is not one of an accelerometer, in the axes of the pose.
 imu::NavState without_gravity(const imu::NavState& state, const imu::Preintegration& motion) {
@@ -48,6 +53,14 @@ imu::NavState without_gravity(const imu::NavState& state, const imu::Preintegrat
   predicted.mounting = state.mounting;
   predicted.beam_elevation = state.beam_elevation;
   return predicted;
+}
+
+Smoother::CalibrationSigma calibration_sigma(const Config& config) {
+  Smoother::CalibrationSigma sigma;
+  if (config.mapping.estimate_mounting) sigma.mounting_rad = config.sensor.mounting_sigma_deg * M_PI / 180.0;
+  if (config.mapping.estimate_time_offset)
+    sigma.lidar_time_offset_s = config.sensor.lidar_time_offset_sigma_s;
+  return sigma;
 }
 
 /// The mean of errors of so many beams.
@@ -66,8 +79,7 @@ class Estimator::Implementation {
         reporter_(reporter),
         T_imu_lidar_(config.sensor.T_imu_lidar()),
         matcher_(config),
-        smoother_(config.mapping.window_size, config.sensor.gravity_mps2,
-                  config.mapping.estimate_mounting ? config.sensor.mounting_sigma_deg * M_PI / 180.0 : 0.0,
+        smoother_(config.mapping.window_size, config.sensor.gravity_mps2, calibration_sigma(config),
                   config.mapping.tilt_walk_deg * M_PI / 180.0),
         map_(config.mapping),
         drift_(config.mapping.drift_share),
@@ -110,6 +122,7 @@ class Estimator::Implementation {
   void take_out_beam_elevation();
   bool decide_keyframe(bool is_reviewed);
   void report_mounting(const imu::NavState& state);
+  void report_time_offset(const imu::NavState& state);
 
   Config config_;
   Reporter* reporter_;
@@ -129,6 +142,7 @@ class Estimator::Implementation {
   AdaptedSettings adapted_;
   double radius_m_ = 0.0;  ///< of the features matched last
   double common_elevation_sigma_rad_ = 0.0;
+  double time_offset_then_s_ = 0.0;
   int scan_count_ = 0;
   int map_scans_ = 0;  ///< since the local map was begun
   bool has_restarted_ = false;
@@ -366,6 +380,24 @@ void Estimator::Implementation::report_mounting(const imu::NavState& state) {
   reporter_->report(Severity::kWarning, "mounting", text.str());
 }
 
+void Estimator::Implementation::report_time_offset(const imu::NavState& state) {
+  if (scan_count_ % kSettledScans != 0) return;
+  const double change_s =
+      state.lidar_time_offset_s - std::exchange(time_offset_then_s_, state.lidar_time_offset_s);
+  const double sigma_s = std::max(config_.sensor.lidar_time_offset_sigma_s, kLeastTimeOffsetSigma_s);
+  if (std::abs(state.lidar_time_offset_s) <= kUsualTimeOffset * sigma_s ||
+      std::abs(change_s) > kSettledShare * std::abs(state.lidar_time_offset_s))
+    return;
+  const double whole_s = config_.sensor.lidar_time_offset_s + state.lidar_time_offset_s;
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(1) << "the stamps of the scans seem to be "
+       << 1e3 * std::abs(state.lidar_time_offset_s) << " ms too "
+       << (state.lidar_time_offset_s > 0.0 ? "early" : "late")
+       << " for the clock of the IMU, which is taken into account; with sensor.lidar_time_offset: "
+       << std::setprecision(4) << whole_s << " it is from the first scan on";
+  reporter_->report(Severity::kWarning, "time_offset", text.str());
+}
+
 bool Estimator::Implementation::decide_keyframe(bool is_reviewed) {
   const Eigen::Isometry3d T = smoother_.newest().T_odom_imu();
   const Eigen::Isometry3d T_keyframe_now = T_odom_keyframe_.inverse() * T;
@@ -435,6 +467,7 @@ std::optional<EstimateResult> Estimator::Implementation::add(const EstimatorInpu
   }
   result.state = smoother_.newest();
   report_mounting(result.state);
+  report_time_offset(result.state);
   const Matrix15d covariance = smoother_.covariance();
   result.map_covariance = covariance.topLeftCorner<6, 6>();
   if (scan_count_ > 0) {

@@ -23,6 +23,7 @@ constexpr int kAccelBias = 12;
 constexpr int kGravity = 0;
 constexpr int kMounting = 3;
 constexpr int kBeamElevation = 6;
+constexpr int kTimeOffset = 7;
 constexpr double kLeastRadius = 1.0;  ///< of the features [m]
 
 using Vector3Map = Eigen::Map<const Eigen::Vector3d>;
@@ -41,6 +42,7 @@ imu::NavState apply(const imu::NavState& state, const double* delta_state, const
   moved.g_odom += Vector3Map(delta_shared + kGravity);
   moved.mounting += Vector3Map(delta_shared + kMounting);
   moved.beam_elevation += delta_shared[kBeamElevation];
+  moved.lidar_time_offset_s += delta_shared[kTimeOffset];
   return moved;
 }
 
@@ -68,7 +70,8 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
   i.q_odom_imu = i.q_odom_imu * q_pose_imu;
   j.q_odom_imu = j.q_odom_imu * q_pose_imu;
   const double dt = preintegration_.duration_s();
-  const imu::CorrectedDelta delta = imu::corrected(preintegration_, i.gyro_bias, i.accel_bias);
+  const imu::CorrectedDelta delta =
+      imu::corrected(preintegration_, i.gyro_bias, i.accel_bias, i.lidar_time_offset_s);
   const Eigen::Vector3d g = with_gravity_ ? i.g_odom : Eigen::Vector3d::Zero();
   const Eigen::Matrix3d Ri_T = i.q_odom_imu.toRotationMatrix().transpose();
   const Eigen::Vector3d turn = -i.beam_elevation * bend_;
@@ -102,12 +105,16 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
   const Eigen::Matrix3d Rj_T_Ri = (j.q_odom_imu.conjugate() * i.q_odom_imu).toRotationMatrix();
   const Eigen::Matrix3d dp_dtheta = half_E * so3::hat(step) - so3::hat(step_fallen);
   const Eigen::Matrix3d dv_dtheta = E * so3::hat(v_j) - so3::hat(v_fallen);
+  // Of r_theta with respect to the vector by whose exponential `delta` is corrected.
+  const Eigen::Vector3d correction =
+      preintegration_.dq_dbg * (i.gyro_bias - preintegration_.gyro_bias) +
+      (i.lidar_time_offset_s - preintegration_.lidar_time_offset_s) * preintegration_.dq_doffset;
+  const Eigen::Matrix3d dr_dcorrection =
+      -jr_inv * so3::exp(r_theta).transpose() * so3::right_jacobian(correction);
   if (jacobians[0] != nullptr) {
     Matrix15d J = Matrix15d::Zero();
-    const Eigen::Vector3d bias_turn = preintegration_.dq_dbg * (i.gyro_bias - preintegration_.gyro_bias);
     J.block<3, 3>(kTheta, kTheta) = -jr_inv * Rj_T_Ri * jr_i;
-    J.block<3, 3>(kTheta, kGyroBias) =
-        -jr_inv * so3::exp(r_theta).transpose() * so3::right_jacobian(bias_turn) * preintegration_.dq_dbg;
+    J.block<3, 3>(kTheta, kGyroBias) = dr_dcorrection * preintegration_.dq_dbg;
     J.block<3, 3>(kPosition, kTheta) = dp_dtheta * jr_i;
     J.block<3, 3>(kPosition, kPosition) = -half_E * Ri_T;
     J.block<3, 3>(kPosition, kVelocity) = -dt * Ri_T;
@@ -144,6 +151,7 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
     J.block<3, 1>(kTheta, kBeamElevation) = -jr_inv * Rj_T_Ri * bend_;
     J.block<3, 1>(kPosition, kBeamElevation) = -0.5 * bend_.cross(half_E * step);
     J.block<3, 1>(kVelocity, kBeamElevation) = -bend_.cross(E * v_j);
+    J.block<3, 1>(kTheta, kTimeOffset) = dr_dcorrection * preintegration_.dq_doffset;
     Eigen::Map<RowMajor<15, kSharedSize>>{jacobians[2]} = sqrt_information_ * J;
   }
   return true;
@@ -189,6 +197,7 @@ bool PriorCost::Evaluate(double const* const* parameters, double* residuals, dou
   d.segment<3>(kStateSize + kGravity) = state.g_odom - origin.g_odom;
   d.segment<3>(kStateSize + kMounting) = state.mounting - origin.mounting;
   d[kStateSize + kBeamElevation] = state.beam_elevation - origin.beam_elevation;
+  d[kStateSize + kTimeOffset] = state.lidar_time_offset_s - origin.lidar_time_offset_s;
   Eigen::Map<PriorVector>{residuals} = prior_.sqrt_information * d + prior_.offset;
   if (jacobians == nullptr) return true;
   if (jacobians[0] != nullptr) {

@@ -17,15 +17,23 @@ namespace {
 
 /// Standard deviation of a mounting that is taken as stated [rad].
 constexpr double kKnownMounting = 1e-6;
+/// Standard deviation of a time offset that is taken as stated [s].
+constexpr double kKnownTimeOffset = 1e-6;
+/// Random walk of the time offset [s/sqrt(s)]: clocks that are not synchronised drift by some 1e-5 to 1e-4.
+constexpr double kTimeOffsetWalk = 3e-4;
 /// Standard deviation of an elevation of the beams that is taken as stated [rad].
 constexpr double kKnownElevation = 1e-6;
-/// Least variance of a walk, which must be some [(m/s^2)^2].
-constexpr double kLeastWalk = 1e-14;
-/// Steps below this leave what all states share as it is [m].
-constexpr double kLeastStep = 1e-6;
+/// Least variances of the walks of gravity, elevation and time offset, which must be some.
+constexpr double kLeastGravityWalk = 1e-14;     // [(m/s^2)^2]
+constexpr double kLeastElevationWalk = 1e-18;   // [rad^2]
+constexpr double kLeastTimeOffsetWalk = 1e-18;  // [s^2]
 /// Way on which the beams' common elevation may change by its standard deviation: bends of other causes,
 /// which it stands for too, change with the surroundings [m].
 constexpr double kElevationWay = 3000.0;
+/// Places in a prior's vector.
+constexpr int kGravity = kStateSize;
+constexpr int kElevation = kStateSize + 6;
+constexpr int kTimeOffset = kStateSize + 7;
 constexpr int kMaxIterations = 3;  ///< the association is renewed outside, so that few inner steps suffice
 
 Eigen::MatrixXd to_dense(const ceres::CRSMatrix& sparse) {
@@ -109,10 +117,12 @@ class Smoother::Problem {
   SharedVector shared_ = SharedVector::Zero();
 };
 
-Smoother::Smoother(int window_size, double gravity_mps2, double mounting_sigma_rad, double tilt_walk)
+Smoother::Smoother(int window_size, double gravity_mps2, const CalibrationSigma& calibration,
+                   double tilt_walk)
     : window_size_(window_size),
       gravity_mps2_(gravity_mps2),
-      mounting_sigma_rad_(std::max(mounting_sigma_rad, kKnownMounting)),
+      calibration_{std::max(calibration.mounting_rad, kKnownMounting),
+                   std::max(calibration.lidar_time_offset_s, kKnownTimeOffset)},
       tilt_walk_(tilt_walk) {}
 
 void Smoother::start(const imu::NavState& state, const InitialSigma& sigma) {
@@ -121,12 +131,14 @@ void Smoother::start(const imu::NavState& state, const InitialSigma& sigma) {
   window_.back().state = state;
   prior_ = StatePrior();
   prior_.linearisation = state;
-  const double sigmas[] = {sigma.theta,      sigma.position, sigma.velocity,     sigma.gyro_bias,
-                           sigma.accel_bias, sigma.gravity,  mounting_sigma_rad_};
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(kPriorSize, kPriorSize);
+  const double sigmas[] = {sigma.theta,      sigma.position, sigma.velocity,           sigma.gyro_bias,
+                           sigma.accel_bias, sigma.gravity,  calibration_.mounting_rad};
   beam_elevation_sigma_ = std::max(sigma.beam_elevation, kKnownElevation);
-  for (int k = 0; k < kPriorSize - 1; ++k) H(k, k) = 1.0 / (sigmas[k / 3] * sigmas[k / 3]);
-  H(kPriorSize - 1, kPriorSize - 1) = 1.0 / (beam_elevation_sigma_ * beam_elevation_sigma_);
+  PriorVector each;
+  for (int k = 0; k < kElevation; ++k) each[k] = sigmas[k / 3];
+  each[kElevation] = beam_elevation_sigma_;
+  each[kTimeOffset] = calibration_.lidar_time_offset_s;
+  Eigen::MatrixXd H = each.cwiseAbs2().cwiseInverse().asDiagonal();
   if (sigma.rest_acceleration > 0.0) {
     // Measured at rest in the axes of the IMU: a = b_a - Exp(mounting)' R' g.
     const Eigen::Quaterniond q_odom_imu = state.q_odom_imu * so3::exp_q(state.mounting);
@@ -220,15 +232,13 @@ void Smoother::marginalise_oldest() {
   window_.front().has_motion = false;
 }
 
-/// With x = [state, g, mounting, c] the step is g' = g + (R k c) x g, or x' = A x + noise about the values at
-/// `to`, and the information becomes A^-T H A^-1. The noise is added as P + G Q G' in terms of H = P^-1 and
-/// b, by Woodbury's identity; G picks out gravity, whose magnitude a factor of its own holds, and c.
+/// With x = [state, g, mounting, c, offset] the step is g' = g + (R k c) x g, or x' = A x + noise about the
+/// values at `to`, and the information becomes A^-T H A^-1. The noise is added as P + G Q G' in terms of H =
+/// P^-1 and b, by Woodbury's identity; G picks out gravity, whose magnitude a factor of its own holds, c and
+/// the offset.
 void Smoother::move_on(const imu::NavState& from, const Entry& to, Eigen::MatrixXd* H,
                        Eigen::VectorXd* b) const {
   const double step_m = (to.state.t_odom_imu - from.t_odom_imu).norm();
-  if (step_m < kLeastStep) return;
-  constexpr int kGravity = kStateSize;
-  constexpr int kElevation = kPriorSize - 1;
   const Eigen::Vector3d turn = (from.q_odom_imu * to.bend).cross(to.state.g_odom);
   PriorMatrix A_inverse = PriorMatrix::Identity();
   A_inverse.block<3, 1>(kGravity, kElevation) = -turn;
@@ -237,16 +247,23 @@ void Smoother::move_on(const imu::NavState& from, const Entry& to, Eigen::Matrix
   *H = A_inverse.transpose() * *H * A_inverse;
   *b = A_inverse.transpose() * *b - *H * moved;
   const double tilt_mps2 = tilt_walk_ * gravity_mps2_;
-  Eigen::Vector4d variances;
-  variances.head<3>().setConstant(std::max(tilt_mps2 * tilt_mps2 * step_m, kLeastWalk));
-  variances[3] = beam_elevation_sigma_ * beam_elevation_sigma_ * step_m / kElevationWay;
-  Eigen::Matrix<double, kPriorSize, 4> G = Eigen::Matrix<double, kPriorSize, 4>::Zero();
+  const double elevation_rad2 = beam_elevation_sigma_ * beam_elevation_sigma_ * step_m / kElevationWay;
+  const bool has_offset = calibration_.lidar_time_offset_s > kKnownTimeOffset;
+  const double offset_s2 =
+      has_offset ? kTimeOffsetWalk * kTimeOffsetWalk * seconds_between(from.stamp, to.state.stamp) : 0.0;
+  using Walks = Eigen::Matrix<double, 5, 1>;
+  Walks variances;
+  variances.head<3>().setConstant(std::max(tilt_mps2 * tilt_mps2 * step_m, kLeastGravityWalk));
+  variances[3] = std::max(elevation_rad2, kLeastElevationWalk);
+  variances[4] = std::max(offset_s2, kLeastTimeOffsetWalk);
+  Eigen::Matrix<double, kPriorSize, 5> G = Eigen::Matrix<double, kPriorSize, 5>::Zero();
   G.block<3, 3>(kGravity, 0).setIdentity();
   G(kElevation, 3) = 1.0;
-  const Eigen::Matrix<double, kPriorSize, 4> HG = *H * G;
-  const Eigen::Matrix4d S =
-      (Eigen::Matrix4d(variances.cwiseInverse().asDiagonal()) + G.transpose() * HG).inverse();
-  const Eigen::Vector4d b_walked = G.transpose() * *b;
+  G(kTimeOffset, 4) = 1.0;
+  const Eigen::Matrix<double, kPriorSize, 5> HG = *H * G;
+  const Eigen::Matrix<double, 5, 5> S =
+      (Eigen::Matrix<double, 5, 5>(variances.cwiseInverse().asDiagonal()) + G.transpose() * HG).inverse();
+  const Walks b_walked = G.transpose() * *b;
   *H -= HG * S * HG.transpose();
   *b -= HG * S * b_walked;
 }

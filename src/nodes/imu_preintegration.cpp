@@ -83,7 +83,8 @@ bool ImuPreintegration::answer_front() {
   const double waited_s = seconds_since(front_since_);
   if (previous_scan_ && !state_gate_->is_open(*previous_scan_, waited_s)) return false;
   // Readings that deskewing had will come here too, unless this node started after them.
-  const Stamp needed = std::min(stamp, ros_bridge::to_stamp(scans_.front()->newest_imu));
+  const Stamp needed = std::min(add_seconds(stamp, state_ ? state_->lidar_time_offset_s : 0.0),
+                                ros_bridge::to_stamp(scans_.front()->newest_imu));
   const bool has_readings = needed == 0 || (!imu_->empty() && imu_->newest() >= needed);
   if (!has_readings && waited_s < config().nodes.answer_timeout_s) return false;
   std::optional<Stamp> unanswered;

@@ -157,8 +157,9 @@ bool ScanDeskew::process_front() {
   const Stamp stamp = scans_.front().stamp;
   const double waited_s = seconds_since(front_since_);
   // A next scan does not prove that no more readings come: on a busy machine clouds overtake them.
-  if (imu_subscriber_ && !imu_gate_->is_open(stamp, waited_s)) return false;
   if (previous_scan_ && !state_gate_->is_open(*previous_scan_, waited_s)) return false;
+  const Stamp needed = add_seconds(stamp, state_ ? state_->lidar_time_offset_s : 0.0);
+  if (imu_subscriber_ && !imu_gate_->is_open(needed, waited_s)) return false;
   const Scan raw = std::move(scans_.front());
   scans_.pop_front();
   front_since_ = SteadyClock::now();

@@ -24,13 +24,13 @@ class SlamPipeline::Implementation {
 
   void add_imu(const imu::ImuSample& sample) {
     if (imu_.add(sample) == StampVerdict::kDrop) return;
-    if (waiting_ && imu_.newest() >= waiting_->stamp) process_waiting();
+    if (waiting_ && has_readings()) process_waiting();
   }
 
   void add_scan(Scan scan) {
     if (waiting_) process_waiting();
     waiting_ = std::move(scan);
-    if (!imu_.empty() && imu_.newest() >= waiting_->stamp) process_waiting();
+    if (has_readings()) process_waiting();
   }
 
   void finish() {
@@ -38,6 +38,11 @@ class SlamPipeline::Implementation {
   }
 
  private:
+  bool has_readings() const {
+    const auto state = estimator_.state();
+    return imu_.reaches(waiting_->stamp, state ? state->lidar_time_offset_s : 0.0);
+  }
+
   void process_waiting() {
     Scan scan = std::move(*waiting_);
     waiting_.reset();

@@ -151,6 +151,7 @@ EstimatorStatePtr to_state_message(const mapping::EstimateResult& estimate, Stam
   message->gyro_bias = to_message(state.gyro_bias);
   message->accel_bias = to_message(state.accel_bias);
   message->mounting = to_message(state.mounting);
+  message->lidar_time_offset = state.lidar_time_offset_s;
   message->gravity = to_message(state.g_odom);
   message->angular_velocity = to_message(state.w_imu);
   message->imu_status = static_cast<std::uint8_t>(state.imu_status);
@@ -168,6 +169,7 @@ imu::NavState to_state(const EstimatorState& message) {
   state.gyro_bias = to_vector(message.gyro_bias);
   state.accel_bias = to_vector(message.accel_bias);
   state.mounting = to_vector(message.mounting);
+  state.lidar_time_offset_s = message.lidar_time_offset;
   state.g_odom = to_vector(message.gravity);
   state.w_imu = to_vector(message.angular_velocity);
   state.imu_status = static_cast<imu::ImuStatus>(message.imu_status);
@@ -186,11 +188,13 @@ PreintegratedImuPtr to_message(const imu::Preintegration& preintegration, const 
   fill(preintegration.covariance, &message->covariance);
   message->gyro_bias = to_message(preintegration.gyro_bias);
   message->accel_bias = to_message(preintegration.accel_bias);
+  message->lidar_time_offset = preintegration.lidar_time_offset_s;
   fill(preintegration.dq_dbg, &message->dq_dbg);
   fill(preintegration.dv_dbg, &message->dv_dbg);
   fill(preintegration.dv_dba, &message->dv_dba);
   fill(preintegration.dp_dbg, &message->dp_dbg);
   fill(preintegration.dp_dba, &message->dp_dba);
+  message->dq_doffset = to_message(preintegration.dq_doffset);
   message->sample_count = preintegration.sample_count;
   message->longest_gap = preintegration.longest_gap_s;
   message->last_angular_velocity = to_message(preintegration.last_angular_velocity);
@@ -214,11 +218,13 @@ imu::Preintegration to_preintegration(const PreintegratedImu& message) {
   read(message.covariance, &preintegration.covariance);
   preintegration.gyro_bias = to_vector(message.gyro_bias);
   preintegration.accel_bias = to_vector(message.accel_bias);
+  preintegration.lidar_time_offset_s = message.lidar_time_offset;
   read(message.dq_dbg, &preintegration.dq_dbg);
   read(message.dv_dbg, &preintegration.dv_dbg);
   read(message.dv_dba, &preintegration.dv_dba);
   read(message.dp_dbg, &preintegration.dp_dbg);
   read(message.dp_dba, &preintegration.dp_dba);
+  preintegration.dq_doffset = to_vector(message.dq_doffset);
   preintegration.sample_count = message.sample_count;
   preintegration.longest_gap_s = message.longest_gap;
   preintegration.last_angular_velocity = to_vector(message.last_angular_velocity);

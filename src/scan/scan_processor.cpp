@@ -43,7 +43,7 @@ std::vector<imu::NavState> ScanProcessor::predict(const Scan& scan, const std::o
   imu::NavState from;
   from.stamp = add_seconds(scan.stamp, -scan.duration_s);
   if (state) from = *state;
-  const std::vector<imu::ImuSample> readings = imu.between(from.stamp, scan.stamp);
+  const std::vector<imu::ImuSample> readings = imu.between(from.stamp, scan.stamp, from.lidar_time_offset_s);
   const double lacking_s =
       readings.empty() ? scan.duration_s : seconds_between(readings.back().stamp, scan.stamp);
   if (!imu.empty() && lacking_s > config_.imu.max_gap_s) {

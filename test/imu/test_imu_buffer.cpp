@@ -112,10 +112,29 @@ TEST_F(Buffer, WarnsWhenReadingsLookLikeG) {
 TEST_F(Buffer, BetweenIncludesTheReadingsThatBound) {
   ImuBuffer buffer(sensor_, &reporter_);
   for (int k = 0; k <= 10; ++k) buffer.add(at(0.1 * k));
-  const auto readings = buffer.between(to_nanoseconds(100.25), to_nanoseconds(100.55));
+  const auto readings = buffer.between(to_nanoseconds(100.25), to_nanoseconds(100.55), 0.0);
   ASSERT_EQ(readings.size(), 5U);
   EXPECT_EQ(readings.front().stamp, at(0.2).stamp);
   EXPECT_EQ(readings.back().stamp, at(0.6).stamp);
+}
+
+TEST_F(Buffer, BetweenIsInTheClockOfTheScans) {
+  ImuBuffer buffer(sensor_, &reporter_);
+  EXPECT_FALSE(buffer.reaches(0, 0.0));
+  for (int k = 0; k <= 10; ++k) {
+    ImuSample sample = at(0.1 * k);
+    sample.angular_velocity.z() = 0.1 * k;
+    buffer.add(sample);
+  }
+  constexpr double kOffset = 0.2;
+  const auto readings = buffer.between(to_nanoseconds(100.25), to_nanoseconds(100.55), kOffset);
+  ASSERT_EQ(readings.size(), 5U);
+  EXPECT_EQ(readings.front().stamp, at(0.2).stamp);
+  EXPECT_NEAR(readings.front().angular_velocity.z(), 0.2 + kOffset, 1e-12);
+  EXPECT_NEAR(readings.back().angular_velocity.z(), 0.6 + kOffset, 1e-12);
+  EXPECT_TRUE(buffer.reaches(at(0.8).stamp, kOffset));
+  EXPECT_FALSE(buffer.reaches(at(0.81).stamp, kOffset));
+  EXPECT_TRUE(buffer.reaches(at(1.2).stamp, -kOffset));
 }
 
 TEST_F(Buffer, StatisticsAreMeanAndDeviation) {

@@ -121,6 +121,8 @@ TEST(Preintegration, TwoThatAreJoinedAreThatOfAllReadings) {
   EXPECT_LT((same.dv_dba - whole.dv_dba).norm(), 1e-12);
   EXPECT_LT((same.dp_dbg - whole.dp_dbg).norm(), 1e-12);
   EXPECT_LT((same.dp_dba - whole.dp_dba).norm(), 1e-12);
+  // Told by the means of other stretches.
+  EXPECT_LT((same.dq_doffset - whole.dq_doffset).norm(), 0.02 * whole.dq_doffset.norm());
   // A step turns with its mean attitude, what is joined with that of its begin: second order in the step.
   EXPECT_LT((same.covariance - whole.covariance).norm(), 1e-4 * whole.covariance.norm());
 
@@ -130,6 +132,27 @@ TEST(Preintegration, TwoThatAreJoinedAreThatOfAllReadings) {
   EXPECT_LT(other.delta_q.angularDistance(whole.delta_q), 1e-7);
   EXPECT_LT((other.delta_v - whole.delta_v).norm(), 1e-5);
   EXPECT_LT((other.delta_p - whole.delta_p).norm(), 1e-5);
+}
+
+// The derivative by which readings are late, against readings that are.
+TEST(Preintegration, TimeOffsetJacobianIsNumeric) {
+  const SyntheticMotion motion;
+  const auto late_by = [&motion](double offset_s) {
+    const auto samples = motion.samples(0.5 + offset_s, 0.6 + offset_s, 1000.0);
+    return preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
+                        Eigen::Vector3d::Zero(), kNoise, ImuConfig());
+  };
+  constexpr double kStep = 1e-3;
+  const Preintegration p = late_by(0.0);
+  const Eigen::Vector3d numeric =
+      (so3::log(Eigen::Quaterniond(p.delta_q.conjugate() * late_by(kStep).delta_q)) -
+       so3::log(Eigen::Quaterniond(p.delta_q.conjugate() * late_by(-kStep).delta_q))) /
+      (2.0 * kStep);
+  EXPECT_GT(numeric.norm(), 1e-3);
+  EXPECT_LT((p.dq_doffset - numeric).norm(), 1e-4 * (1.0 + numeric.norm())) << p.dq_doffset.transpose();
+  const CorrectedDelta moved = corrected(p, p.gyro_bias, p.accel_bias, 5.0 * kStep);
+  EXPECT_LT(moved.delta_q.angularDistance(late_by(5.0 * kStep).delta_q),
+            0.05 * p.delta_q.angularDistance(late_by(5.0 * kStep).delta_q));
 }
 
 TEST(Preintegration, NoReadingGivesNoSamples) {

@@ -20,18 +20,26 @@ LidarInformation lidar_at(const imu::NavState& truth) {
 class Window : public testing::Test {
  protected:
   imu::Preintegration interval(int k, const imu::NavState& from) const {
-    auto samples = motion_.samples(0.1 * k, 0.1 * (k + 1), 200.0);
+    // What is read at the stamps of the scans, with the offset known so far.
+    const double early_s = time_offset_s_ - from.lidar_time_offset_s;
+    auto samples = motion_.samples(0.1 * k - early_s, 0.1 * (k + 1) - early_s, 200.0);
     for (imu::ImuSample& sample : samples) {
       sample.angular_velocity += gyro_bias_;
       sample.acceleration += accel_bias_;
     }
-    return imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, from.gyro_bias,
-                             from.accel_bias, imu::ImuNoise{1e-4, 1e-3, 1e-5, 1e-4}, ImuConfig());
+    imu::Preintegration p =
+        imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, from.gyro_bias,
+                          from.accel_bias, imu::ImuNoise{1e-4, 1e-3, 1e-5, 1e-4}, ImuConfig());
+    p.from = motion_.state(0.1 * k).stamp;
+    p.to = motion_.state(0.1 * (k + 1)).stamp;
+    p.lidar_time_offset_s = from.lidar_time_offset_s;
+    return p;
   }
 
   /// Runs `count` scans and returns the newest state.
-  imu::NavState run(int window, int count, double mounting_sigma_rad = 0.0, double tilt_walk = 0.0) {
-    Smoother smoother(window, 9.81, mounting_sigma_rad, tilt_walk);
+  imu::NavState run(int window, int count, const Smoother::CalibrationSigma& calibration = {},
+                    double tilt_walk = 0.0) {
+    Smoother smoother(window, 9.81, calibration, tilt_walk);
     imu::NavState first = motion_.state(0.0);
     first.mounting.setZero();
     smoother.start(first, Smoother::InitialSigma());
@@ -61,6 +69,7 @@ class Window : public testing::Test {
   }
 
   double tilt_per_scan_ = 0.0;  ///< [rad]
+  double time_offset_s_ = 0.0;  ///< of the clock of the IMU against that of the scans
   imu::SyntheticMotion motion_;
   Eigen::Vector3d gyro_bias_ = Eigen::Vector3d(0.01, -0.005, 0.008);
   Eigen::Vector3d accel_bias_ = Eigen::Vector3d(0.05, -0.03, 0.04);
@@ -78,7 +87,7 @@ TEST_F(Window, FindsBiasesVelocityAndPose) {
 
 TEST_F(Window, FindsTheMounting) {
   motion_.mounting = Eigen::Vector3d(0.02, -0.015, 0.03);
-  const imu::NavState found = run(4, 300, 0.02);
+  const imu::NavState found = run(4, 300, {0.02, 0.0});
   EXPECT_LT((found.mounting - motion_.mounting).norm(), 1e-3) << found.mounting.transpose();
   EXPECT_LT((found.accel_bias - accel_bias_).norm(), 0.02);
   EXPECT_LT((found.gyro_bias - gyro_bias_).norm(), 5e-4);
@@ -88,10 +97,22 @@ TEST_F(Window, FindsTheMounting) {
   EXPECT_GT((stated.gyro_bias - gyro_bias_).norm(), 5e-3);
 }
 
+TEST_F(Window, FindsTheTimeOffset) {
+  for (const double offset_s : {-0.03, 0.002, 0.08}) {
+    time_offset_s_ = offset_s;
+    const imu::NavState found = run(4, 300, {0.0, 0.05});
+    EXPECT_NEAR(found.lidar_time_offset_s, offset_s, 1e-3);
+    EXPECT_LT((found.gyro_bias - gyro_bias_).norm(), 5e-4);
+    EXPECT_LT((found.accel_bias - accel_bias_).norm(), 0.02);
+  }
+  // Taken as stated, it stays as it is.
+  EXPECT_LT(std::abs(run(4, 100).lidar_time_offset_s), 1e-5);
+}
+
 TEST_F(Window, GravityFollowsAMapThatTilts) {
   tilt_per_scan_ = 5e-4;
   const Eigen::Vector3d g = in_tilting_map(200).g_odom;
-  const imu::NavState found = run(4, 200, 0.0, 3e-3);
+  const imu::NavState found = run(4, 200, {}, 3e-3);
   EXPECT_LT((found.g_odom - g).norm(), 0.2) << found.g_odom.transpose();
   EXPECT_LT((found.accel_bias - accel_bias_).norm(), 0.05) << found.accel_bias.transpose();
   // A direction that may not change is the mean of the way.
@@ -105,7 +126,7 @@ TEST_F(Window, FindsTheElevationThatBendsTheMap) {
   constexpr double kElevation = 4e-3;
   constexpr double kRadius = 5.0;
   constexpr int kTakenOutAt = 200;
-  Smoother smoother(4, 9.81, 0.0, 1e-4);
+  Smoother smoother(4, 9.81, {}, 1e-4);
   Smoother::InitialSigma sigma;
   sigma.beam_elevation = 5e-3;
   imu::NavState mapped = motion_.state(0.0);
@@ -154,7 +175,7 @@ TEST_F(Window, MarginalisationLosesNothingOnALinearProblem) {
 TEST_F(Window, WithoutLidarTheCovarianceGrows) {
   run(4, 10);
   const Matrix15d with_lidar = covariance_;
-  Smoother smoother(4, 9.81, 0.0, 0.0);
+  Smoother smoother(4, 9.81, {}, 0.0);
   smoother.start(motion_.state(0.0), Smoother::InitialSigma());
   for (int k = 0; k < 10; ++k) {
     const imu::Preintegration p = interval(k, smoother.newest());

@@ -157,6 +157,7 @@ TEST_F(Conversions, StatusAndStateKeepEveryBit) {
   state.gyro_bias = vector();
   state.accel_bias = vector();
   state.mounting = vector();
+  state.lidar_time_offset_s = number();
   state.g_odom = vector();
   state.w_imu = vector();
   state.imu_status = imu::ImuStatus::kInitialising;
@@ -178,6 +179,7 @@ TEST_F(Conversions, StatusAndStateKeepEveryBit) {
   EXPECT_EQ(back.gyro_bias, state.gyro_bias);
   EXPECT_EQ(back.accel_bias, state.accel_bias);
   EXPECT_EQ(back.mounting, state.mounting);
+  EXPECT_EQ(back.lidar_time_offset_s, state.lidar_time_offset_s);
   EXPECT_EQ(back.g_odom, state.g_odom);
   EXPECT_EQ(back.w_imu, state.w_imu);
   EXPECT_EQ(back.imu_status, state.imu_status);
@@ -191,6 +193,8 @@ TEST_F(Conversions, PreintegrationKeepsEveryBit) {
   p.delta_v = vector();
   p.delta_p = vector();
   randomise(&p.covariance);
+  p.lidar_time_offset_s = number();
+  p.dq_doffset = vector();
   p.gyro_bias = vector();
   p.accel_bias = vector();
   for (Eigen::Matrix3d* jacobian : {&p.dq_dbg, &p.dv_dbg, &p.dv_dba, &p.dp_dbg, &p.dp_dba})
@@ -213,6 +217,8 @@ TEST_F(Conversions, PreintegrationKeepsEveryBit) {
   EXPECT_EQ(back.dv_dba, p.dv_dba);
   EXPECT_EQ(back.dp_dbg, p.dp_dbg);
   EXPECT_EQ(back.dp_dba, p.dp_dba);
+  EXPECT_EQ(back.dq_doffset, p.dq_doffset);
+  EXPECT_EQ(back.lidar_time_offset_s, p.lidar_time_offset_s);
   EXPECT_EQ(back.sample_count, p.sample_count);
   EXPECT_EQ(back.longest_gap_s, p.longest_gap_s);
   EXPECT_EQ(back.last_angular_velocity, p.last_angular_velocity);

@@ -5,6 +5,7 @@ usage: test_offline_slam.py BIN_DIR SOURCE_DIR
 """
 import filecmp
 import pathlib
+import re
 import signal
 import subprocess
 import sys
@@ -73,6 +74,17 @@ class OfflineSlam(unittest.TestCase):
         self.assertLess(ate_rmse(estimate, truth), 0.1)
         for name in ("map.pcd", "degeneracy.csv", "timing.json", "run.yaml", "odometry.tum"):
             self.assertGreater((self.path / "accuracy" / name).stat().st_size, 0, name)
+
+    def test_an_offset_of_the_clocks_is_found_and_named(self):
+        made_s = 0.03
+        done = self.run_slam("clocks", "--set", f"sensor.lidar_time_offset={made_s}")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        said = re.search(r"the stamps of the scans seem to be ([0-9.]+) ms too late", done.stderr)
+        self.assertIsNotNone(said, done.stderr)
+        self.assertAlmostEqual(1e-3 * float(said.group(1)), made_s, delta=3e-3)
+        estimate = read_tum(self.path / "clocks/odometry.tum")
+        estimate[:, 0] -= made_s
+        self.assertLess(ate_rmse(estimate, read_tum(self.path / "street.tum")), 0.1)
 
     def test_runs_are_equal_bit_for_bit_with_any_number_of_threads(self):
         for name, threads in (("one", 1), ("two", 2), ("again", 2)):

@@ -40,6 +40,7 @@ struct SensorConfig {
   double gravity_mps2 = 9.81;
   Eigen::Vector3d t_imu_lidar = Eigen::Vector3d::Zero();
   Eigen::Quaterniond q_imu_lidar = Eigen::Quaterniond::Identity();
+  double lidar_time_offset_sigma_s = 0.005;
   double mounting_sigma_deg = 0.2;
 
   Eigen::Isometry3d T_imu_lidar() const;
@@ -134,6 +135,7 @@ struct MappingConfig {
   double covariance_factor = 3.0;
   double drift_share = 1.0;
   bool estimate_mounting = true;
+  bool estimate_time_offset = true;
   double tilt_walk_deg = 0.02;
   bool calibrate_beams = true;
   double beam_range_sigma_m = 0.02;

@@ -30,11 +30,14 @@ class ImuBuffer {
   Stamp newest() const { return samples_.back().stamp; }
   const std::deque<ImuSample>& samples() const { return samples_; }
 
-  /// Readings that bound and fill [from, to]: the last at or before `from`, those between, the first at or
-  /// after `to`.
-  std::vector<ImuSample> between(Stamp from, Stamp to) const;
+  /// Whether there are readings up to `stamp`, in the clock of the scans (NavState::lidar_time_offset_s).
+  bool reaches(Stamp stamp, double lidar_time_offset_s) const;
 
-  /// Statistics of the readings in (to - duration, to].
+  /// Readings that bound and fill [from, to]: the last at or before `from`, those between, the first at or
+  /// after `to`. `from`, `to` and the stamps of what is given are in the clock of the scans.
+  std::vector<ImuSample> between(Stamp from, Stamp to, double lidar_time_offset_s) const;
+
+  /// Statistics of the readings in (to - duration, to], in the clock of the IMU.
   ImuStatistics statistics(Stamp to, double duration_s) const;
 
   /// Forgets readings that are older than the last one at or before `stamp`.

@@ -42,6 +42,9 @@ struct NavState {
   /// Error of elevation that all beams of the lidar share, as far as it is not yet taken out of the scans
   /// [rad]: the map bends with it on the way.
   double beam_elevation = 0.0;
+  /// What is to be added to the stamps of the scans, beyond sensor.lidar_time_offset, to get the clock of the
+  /// IMU [s]: this state is that of the readings of stamp + lidar_time_offset.
+  double lidar_time_offset_s = 0.0;
   Eigen::Vector3d w_imu = Eigen::Vector3d::Zero();  ///< bias-free angular velocity at `stamp` [rad/s]
   ImuStatus imu_status = ImuStatus::kNone;
 
@@ -65,8 +68,10 @@ struct ImuStatistics {
 
 /// Preintegrated IMU between two stamps (Forster et al., TRO 2017), expressed in the IMU frame at `from`.
 struct Preintegration {
-  Stamp from = 0;
+  Stamp from = 0;  ///< clock of the scans
   Stamp to = 0;
+  double lidar_time_offset_s =
+      0.0;  ///< linearisation point: the readings are those of `from` + this to `to` + this
   Eigen::Quaterniond delta_q = Eigen::Quaterniond::Identity();  ///< rotation of `to` in `from`
   Eigen::Vector3d delta_v = Eigen::Vector3d::Zero();            ///< without gravity [m/s]
   Eigen::Vector3d delta_p = Eigen::Vector3d::Zero();            ///< without gravity and initial velocity [m]
@@ -78,8 +83,9 @@ struct Preintegration {
   Eigen::Matrix3d dv_dba = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d dp_dbg = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d dp_dba = Eigen::Matrix3d::Zero();
-  std::uint32_t sample_count = 0;  ///< 0: no reading, a constant-velocity substitute
-  double longest_gap_s = 0.0;      ///< longest time without a reading
+  Eigen::Vector3d dq_doffset = Eigen::Vector3d::Zero();  ///< d Log(delta_q) / d lidar_time_offset [rad/s]
+  std::uint32_t sample_count = 0;                        ///< 0: no reading, a constant-velocity substitute
+  double longest_gap_s = 0.0;                            ///< longest time without a reading
   Eigen::Vector3d last_angular_velocity = Eigen::Vector3d::Zero();  ///< raw reading at `to` [rad/s]
   ImuStatistics recent;  ///< the last second before `to`, for initialisation
 

@@ -39,18 +39,19 @@ Preintegration constant_velocity(const NavState& state, Stamp to, const ImuConfi
 Preintegration gyro_only(const Preintegration& measured, const ImuConfig& config);
 
 /// One preintegration of two that follow each other (`first.to` is `second.from`, both with readings), at the
-/// biases of the first: what preintegrating all their readings gives; exact, but for biases that differ, for
-/// which Forster eq. 44 stands.
+/// biases and the time offset of the first: what preintegrating all their readings gives; exact, but for
+/// biases and offsets that differ, for which `corrected` stands.
 Preintegration joined(const Preintegration& first, const Preintegration& second);
 
-/// Preintegrated terms at other biases, to first order (Forster eq. 44).
+/// Preintegrated terms at other biases, to first order (Forster eq. 44), and at another time offset: of the
+/// rotation alone, since the readings of the next scan are taken with the new offset anyway.
 struct CorrectedDelta {
   Eigen::Quaterniond delta_q;
   Eigen::Vector3d delta_v;
   Eigen::Vector3d delta_p;
 };
 CorrectedDelta corrected(const Preintegration& preintegration, const Eigen::Vector3d& gyro_bias,
-                         const Eigen::Vector3d& accel_bias);
+                         const Eigen::Vector3d& accel_bias, double lidar_time_offset_s);
 
 /// The state at `preintegration.to`, predicted from `state` (at `preintegration.from`).
 NavState predict(const NavState& state, const Preintegration& preintegration);

@@ -20,7 +20,8 @@ NavState coast(const NavState& state, Stamp to);
 /// constant velocity.
 std::vector<NavState> propagate(const NavState& from, const std::vector<ImuSample>& samples, Stamp to);
 
-/// IMU-rate odometry: holds the newest estimate and moves it with every reading.
+/// IMU-rate odometry: holds the newest estimate and moves it with every reading. Its stamps are those of the
+/// IMU's clock.
 class ImuPropagator {
  public:
   ImuPropagator() = default;

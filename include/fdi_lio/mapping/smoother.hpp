@@ -11,16 +11,21 @@
 
 namespace fdi_lio::mapping {
 
-/// Fixed-lag smoother over the states of the newest scans, gravity and the mounting: a prior left by
-/// marginalised states, motion between neighbours, and the condensed lidar information of each scan. Solved
-/// by Ceres.
+/// Fixed-lag smoother over the states of the newest scans and what they share, gravity and the calibration of
+/// lidar against IMU: a prior left by marginalised states, motion between neighbours, and the condensed lidar
+/// information of each scan. Solved by Ceres.
 class Smoother {
  public:
-  /// `mounting_sigma_rad`: how well the rotation of T_imu_lidar is known about each axis; 0: it is not
-  /// estimated. `tilt_walk`: how fast the local map, and with it the frame of the states, tilts against
+  /// How well the calibration is known; 0: it is not estimated.
+  struct CalibrationSigma {
+    double mounting_rad = 0.0;         ///< rotation of T_imu_lidar, about each axis
+    double lidar_time_offset_s = 0.0;  ///< NavState::lidar_time_offset_s
+  };
+
+  /// `tilt_walk`: how fast the local map, and with it the frame of the states, tilts against
   /// gravity on the way [rad/sqrt(m)], beyond what NavState::beam_elevation explains: the random walk of
   /// gravity's direction in that frame.
-  Smoother(int window_size, double gravity_mps2, double mounting_sigma_rad, double tilt_walk);
+  Smoother(int window_size, double gravity_mps2, const CalibrationSigma& calibration, double tilt_walk);
 
   /// Standard deviations of the first state.
   struct InitialSigma {
@@ -76,12 +81,12 @@ class Smoother {
 
   void marginalise_oldest();
   /// Moves the information (H, b) of [state, shared] about `to` on by the step from `from`: gravity turns
-  /// with the map, and by an unknown part more, and the beams' elevation may change.
+  /// with the map, and by an unknown part more, the beams' elevation may change, and the clocks drift.
   void move_on(const imu::NavState& from, const Entry& to, Eigen::MatrixXd* H, Eigen::VectorXd* b) const;
 
   int window_size_;
   double gravity_mps2_;
-  double mounting_sigma_rad_;
+  CalibrationSigma calibration_;
   double tilt_walk_;
   double beam_elevation_sigma_ = 0.0;
   std::deque<Entry> window_;
