@@ -33,6 +33,9 @@ void SensorConfig::visit(ParameterVisitor& v) {
          1e-4, 1.0);
   v.real({"sensor.beam_angle_noise", "deg", "standard deviation of a beam's direction"}, beam_angle_noise_deg,
          0.0, 1.0);
+  v.choice({"sensor.time_source", "",
+            "receive: the lidar's clock is none of the host's, scans are stamped by when they came"},
+           time_source, {"header", "receive"});
   v.real({"sensor.lidar_time_offset", "s", "added to the stamps of the lidar to get the clock of the IMU"},
          lidar_time_offset_s, -10.0, 10.0);
   v.choice({"sensor.acceleration_unit", "", "unit of the accelerometer; auto decides by the first reading"},

@@ -74,7 +74,7 @@ void ScanDeskew::on_lidar(const topic_tools::ShapeShifter::ConstPtr& message) {
   has_lidar_ = true;
   if (is_refused_) return;
   try {
-    std::optional<Scan> scan = reader_->read(*message, &lidar_frame_);
+    std::optional<Scan> scan = reader_->read(*message, ros::Time::now(), &lidar_frame_);
     if (scan) add_scan(std::move(*scan));
   } catch (const ros::serialization::StreamOverrunException&) {
     reporter()->report(

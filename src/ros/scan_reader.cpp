@@ -10,7 +10,7 @@ const std::set<std::string>& ScanReader::types() {
 }
 
 ScanReader::ScanReader(const SensorConfig& sensor, Reporter* reporter)
-    : reporter_(reporter), clouds_(sensor, reporter), packets_(sensor, reporter) {}
+    : sensor_(sensor), reporter_(reporter), clouds_(sensor, reporter), packets_(sensor, reporter) {}
 
 std::optional<Scan> ScanReader::refuse(const std::string& type) {
   reporter_->report(Severity::kError, "lidar_type",
@@ -39,6 +39,14 @@ std::optional<Scan> ScanReader::read_packets(std::string* frame_id) {
     *frame_id = header.frame_id;
   }
   return packets_.read(*packets);
+}
+
+std::optional<Scan> ScanReader::stamped(std::optional<Scan> scan, const ros::Time& received) {
+  if (!scan || sensor_.time_source != "receive") return scan;
+  const double offset_s = sensor_.lidar_time_offset_s;
+  const Stamp own = add_seconds(scan->stamp, -offset_s);
+  scan->stamp = add_seconds(clock_.to_received(own, static_cast<Stamp>(received.toNSec())), offset_s);
+  return scan;
 }
 
 }  // namespace fdi_lio::ros_bridge

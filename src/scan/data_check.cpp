@@ -351,8 +351,10 @@ void DataCheck::check_clocks(Findings* findings) const {
         {Severity::kError, "clocks",
          "the clocks of lidar and IMU have no time in common (" + times + "): the IMU is " +
              number(offset_s, 2) +
-             " s ahead. Let both stamp by one clock (PTP, or the host's time), or add this to "
-             "sensor.lidar_time_offset if it is constant"});
+             " s ahead. Let both stamp by one clock (PTP, or the host's time), set sensor.time_source to "
+             "receive "
+             "if the lidar's clock starts with the lidar, or add this to sensor.lidar_time_offset if it is "
+             "constant"});
     return;
   }
   findings->push_back({Severity::kWarning, "clocks",

@@ -107,7 +107,7 @@ Decoded decode(const rosbag::MessageInstance& message, const SensorConfig& senso
     return decoded;
   }
   const auto started = std::chrono::steady_clock::now();
-  if (std::optional<Scan> scan = reader->read(message)) decoded.content = std::move(*scan);
+  if (std::optional<Scan> scan = reader->read(message, message.getTime())) decoded.content = std::move(*scan);
   decoded.read_ms =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count();
   return decoded;

@@ -15,6 +15,7 @@ import unittest
 
 import numpy as np
 import rosbag
+import rospy
 import yaml
 
 import broken_bags
@@ -85,6 +86,31 @@ class OfflineSlam(unittest.TestCase):
         estimate = read_tum(self.path / "clocks/odometry.tum")
         estimate[:, 0] -= made_s
         self.assertLess(ate_rmse(estimate, read_tum(self.path / "street.tum")), 0.1)
+
+    def test_a_lidar_whose_clock_starts_with_it_is_stamped_by_reception(self):
+        path = self.path / "boot.bag"
+        with rosbag.Bag(self.bag) as source, rosbag.Bag(path, "w") as target:
+            begin = rospy.Time(source.get_start_time())
+            for topic, message, received in source.read_messages(["/points_raw", "/imu_raw"]):
+                if topic == "/points_raw":
+                    message.header.stamp = rospy.Time() + (message.header.stamp - begin) + rospy.Duration(20.0)
+                target.write(topic, message, received)
+                if (received - begin).to_sec() > 12.0:
+                    break
+        done = self.run_slam("boot_header", bag=path)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        for text in ("no time in common", "sensor.time_source"):
+            self.assertIn(text, done.stderr)
+        done = self.run_slam("boot_received", "--set", "sensor.time_source=receive", bag=path)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(self.run_slam("boot_truly", "--duration", "12").returncode, 0)
+        estimate = read_tum(self.path / "boot_received/odometry.tum")
+        truly = read_tum(self.path / "boot_truly/odometry.tum")
+        self.assertEqual(len(estimate), len(truly))
+        late = estimate[:, 0] - truly[:, 0]
+        self.assertTrue(0.0 < late.min() and late.max() < 0.05, late)
+        self.assertLess(np.ptp(late[20:]), 2e-3)
+        self.assertLess(np.linalg.norm(estimate[:, 1:4] - truly[:, 1:4], axis=1).max(), 0.05)
 
     def test_runs_are_equal_bit_for_bit_with_any_number_of_threads(self):
         for name, threads in (("one", 1), ("two", 2), ("again", 2)):

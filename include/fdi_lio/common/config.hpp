@@ -28,6 +28,7 @@ struct SensorConfig {
   double max_range_m = 120.0;
   double range_noise_m = 0.02;
   double beam_angle_noise_deg = 0.03;
+  std::string time_source = "header";
   double lidar_time_offset_s = 0.0;
   std::string acceleration_unit = "m/s^2";  // m/s^2 | g | auto
   double max_acceleration_mps2 = 500.0;
