@@ -11,16 +11,16 @@
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/mapping/adaptation.hpp"
 #include "fdi_lio/mapping/beam_correction.hpp"
+#include "fdi_lio/mapping/calibration_report.hpp"
 #include "fdi_lio/mapping/health_monitor.hpp"
 #include "fdi_lio/mapping/imu_start.hpp"
 #include "fdi_lio/mapping/local_map.hpp"
-#include "fdi_lio/mapping/localizability.hpp"
 #include "fdi_lio/mapping/map_candidate.hpp"
 #include "fdi_lio/mapping/map_drift.hpp"
 #include "fdi_lio/mapping/map_tilt.hpp"
 #include "fdi_lio/mapping/match_input.hpp"
 #include "fdi_lio/mapping/mounting.hpp"
-#include "fdi_lio/mapping/scan_matcher.hpp"
+#include "fdi_lio/mapping/registration.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
 #include "fdi_lio/mapping/start_motion.hpp"
 
@@ -28,20 +28,11 @@ namespace fdi_lio::mapping {
 
 namespace {
 
-/// The first scans in a map, before a velocity is known well, look farther and iterate longer.
+/// The first scans in a map, before a velocity is known well.
 constexpr int kStartScans = 3;
-constexpr int kStartIterations = 20;
-constexpr double kStartMaxResidual = 1.0;
 /// Way on which what is known of the beams' elevation is taken over into the scans [m].
 constexpr double kElevationWay = 20.0;
 constexpr double kBeamsOfSigma = 16.0;  ///< that mapping.common_elevation_sigma holds for
-constexpr double kUsualMounting = 5.0;  ///< error of the mounting in its standard deviations
-constexpr double kLeastMountingSigma_deg = 0.05;
-constexpr double kUsualTimeOffset = 2.0;  ///< in its standard deviations
-constexpr double kLeastTimeOffsetSigma_s = 1e-3;
-/// It is reported when it has changed by no more than this share in so many scans.
-constexpr double kSettledShare = 0.05;
-constexpr int kSettledScans = 30;
 
 /// The prediction by a motion that is not one of an accelerometer, in the axes of the pose.
 imu::NavState without_gravity(const imu::NavState& state, const imu::Preintegration& motion) {
@@ -51,7 +42,6 @@ imu::NavState without_gravity(const imu::NavState& state, const imu::Preintegrat
   imu::NavState predicted = imu::predict(from, motion);
   predicted.g_odom = state.g_odom;
   predicted.mounting = state.mounting;
-  predicted.beam_elevation = state.beam_elevation;
   return predicted;
 }
 
@@ -78,12 +68,13 @@ class Estimator::Implementation {
       : config_(config),
         reporter_(reporter),
         T_imu_lidar_(config.sensor.T_imu_lidar()),
-        matcher_(config),
+        registration_(config, reporter),
         smoother_(config.mapping.window_size, config.sensor.gravity_mps2, calibration_sigma(config),
                   config.mapping.tilt_walk_deg * M_PI / 180.0),
         map_(config.mapping),
         drift_(config.mapping.drift_share),
         health_(reporter),
+        calibration_report_(config.sensor, reporter),
         candidate_(config),
         imu_start_(config, reporter),
         beams_(config) {}
@@ -112,27 +103,24 @@ class Estimator::Implementation {
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void search_motion(const std::optional<imu::Preintegration>& imu, FeatureSet* features);
   FeatureSet deskewed_anew(const EstimatorInput& input, imu::NavState state) const;
-  LidarInformation optimise(MatchInput input, EstimateResult* result);
+  LidarInformation optimise(const MatchInput& input, EstimateResult* result);
   void begin_map_anew(const EstimateResult& result, const Matrix15d& covariance);
-  void add_directions(const MatchInput& input, const imu::NavState& at, const MatchSettings& settings,
-                      LidarInformation* information, EstimateResult* result) const;
   void adopt_imu(const std::optional<ImuStart::Found>& found);
   void start_smoother(const imu::NavState& state, Smoother::InitialSigma sigma);
   Eigen::Vector3d bend_to(const imu::NavState& predicted) const;
   void take_out_beam_elevation();
   bool decide_keyframe(bool is_reviewed);
-  void report_mounting(const imu::NavState& state);
-  void report_time_offset(const imu::NavState& state);
 
   Config config_;
   Reporter* reporter_;
   Eigen::Isometry3d T_imu_lidar_;
-  ScanMatcher matcher_;
+  Registration registration_;
   Smoother smoother_;
   LocalMap map_;
   MapDrift drift_;
   MapTilt tilt_;
   HealthMonitor health_;
+  CalibrationReport calibration_report_;
   MapCandidate candidate_;
   ImuStart imu_start_;
   std::optional<FeatureSet> first_;  ///< the first scan, until the second has come
@@ -142,7 +130,6 @@ class Estimator::Implementation {
   AdaptedSettings adapted_;
   double radius_m_ = 0.0;  ///< of the features matched last
   double common_elevation_sigma_rad_ = 0.0;
-  double time_offset_then_s_ = 0.0;
   int scan_count_ = 0;
   int map_scans_ = 0;  ///< since the local map was begun
   bool has_restarted_ = false;
@@ -234,82 +221,29 @@ void Estimator::Implementation::search_motion(const std::optional<imu::Preintegr
                     "started in motion, at about " + std::to_string(v_odom->norm()) + " m/s");
 }
 
-/// Directions that geometry leaves open are filled by textures, and what still is open is left to the IMU.
-void Estimator::Implementation::add_directions(const MatchInput& input, const imu::NavState& at,
-                                               const MatchSettings& settings, LidarInformation* information,
-                                               EstimateResult* result) const {
-  const double margin = config_.mapping.localizability_margin;
-  const Localizability geometric = analyse_localizability(*information, margin);
-  result->status.axes = geometric.axes;
-  result->status.localizability = geometric.probability;
-  result->axis_information = geometric.information;
-  result->axis_noise = geometric.noise_information;
-  remove_bias(geometric, information);
-  if (!input.textures.empty()) {
-    LidarInformation textures =
-        matcher_.linearise_textures(input, map_.textures(), at.q_odom_imu, at.t_odom_imu, settings);
-    remove_bias(analyse_localizability(textures, margin), &textures);
-    add_in_weak_directions(geometric, textures, information);
-  }
-  if (config_.mapping.soften_weak_directions)
-    soften(analyse_localizability(*information, margin), information);
-}
-
-LidarInformation Estimator::Implementation::optimise(MatchInput input, EstimateResult* result) {
-  const bool is_known = smoother_.newest().imu_status == imu::ImuStatus::kInitialised && !has_restarted_;
-  const bool is_start = map_scans_ <= kStartScans && !is_known && !moving_start_;
-  const int iterations = is_start ? kStartIterations : adapted_.iterations;
-  MatchSettings settings;
-  settings.plane_weight = adapted_.plane_weight;
-  settings.edge_weight = adapted_.edge_weight;
-  settings.intensity_weight = config_.mapping.intensity_weight;
-  LidarInformation information;
-  const imu::NavState predicted = smoother_.newest();
+LidarInformation Estimator::Implementation::optimise(const MatchInput& input, EstimateResult* result) {
+  const imu::NavState& predicted = smoother_.newest();
   const bool has_prediction = predicted.imu_status == imu::ImuStatus::kInitialised;
-  const Matrix6d predicted_covariance =
-      has_prediction ? Matrix6d(smoother_.covariance().topLeftCorner<6, 6>()) : Matrix6d::Identity();
-  if (config_.mapping.judge_patches && has_prediction) {
-    input.plane_trust = matcher_.trust_planes(input, map_.planes(), predicted.q_odom_imu,
-                                              predicted.t_odom_imu, predicted_covariance);
+  const bool is_known = has_prediction && !has_restarted_;
+  const bool is_start = map_scans_ <= kStartScans && !is_known && !moving_start_;
+  std::optional<HealthMonitor::Prediction> prediction;
+  std::optional<Matrix6d> predicted_covariance;
+  if (has_prediction) {
+    predicted_covariance = smoother_.covariance().topLeftCorner<6, 6>();
+    prediction = HealthMonitor::Prediction{predicted.T_odom_imu(), *predicted_covariance};
   }
-  const std::size_t features = input.planes.size() + input.edges.size();
-  for (int iteration = 0; iteration < iterations; ++iteration) {
-    const imu::NavState current = smoother_.newest();
-    const double progress = static_cast<double>(iteration) / iterations;
-    settings.max_residual_m =
-        is_start ? std::max(config_.mapping.max_residual_m, kStartMaxResidual * (1.0 - progress))
-                 : config_.mapping.max_residual_m;
-    if (!is_start && iteration > 0) settings.max_deviation = config_.mapping.max_deviation;
-    information = matcher_.linearise(input, map_.planes(), map_.edges(), current.q_odom_imu,
-                                     current.t_odom_imu, settings);
-    add_directions(input, current, settings, &information, result);
-    result->status.iterations = static_cast<std::uint32_t>(iteration + 1);
-    if (!HealthMonitor::is_matched(information.planes + information.edges, features)) {
-      result->is_healthy = false;
-      break;
-    }
-    smoother_.set_lidar(information);
-    if (!smoother_.solve()) {
-      reporter_->report(Severity::kError, "solver",
-                        "the optimisation of a scan failed: its pose is a prediction");
-      result->is_healthy = false;
-      break;
-    }
-    const imu::NavState& moved = smoother_.newest();
-    const double turn =
-        so3::log(Eigen::Quaterniond(current.q_odom_imu.conjugate() * moved.q_odom_imu)).norm();
-    const double step_m = (current.t_odom_imu - moved.t_odom_imu).norm();
-    if (turn < config_.mapping.convergence_rotation_rad && step_m < config_.mapping.convergence_translation_m)
-      break;
-  }
+  const Alignment alignment =
+      registration_.align(input, map_, adapted_, is_start, predicted_covariance, &smoother_);
+  result->status = alignment.status;
+  result->axis_information = alignment.axis_information;
+  result->axis_noise = alignment.axis_noise;
+  result->is_healthy = alignment.is_healthy;
   if (result->is_healthy) {
-    std::optional<HealthMonitor::Prediction> prediction;
-    if (has_prediction) prediction = HealthMonitor::Prediction{predicted.T_odom_imu(), predicted_covariance};
     health_.add(prediction, smoother_.newest());
   } else {
     health_.add_unmatched();
   }
-  return information;
+  return alignment.information;
 }
 
 /// Where the map knows nothing of the scans, but they know each other, they become the local map, and what
@@ -365,37 +299,6 @@ void Estimator::Implementation::take_out_beam_elevation() {
   const double part = std::min(1.0, way_m / kElevationWay) * newest.beam_elevation;
   beams_.add_common_elevation(part);
   smoother_.reduce_beam_elevation(part);
-}
-
-void Estimator::Implementation::report_mounting(const imu::NavState& state) {
-  const double sigma_deg = std::max(config_.sensor.mounting_sigma_deg, kLeastMountingSigma_deg);
-  if (state.mounting.norm() * 180.0 / M_PI <= kUsualMounting * sigma_deg) return;
-  const Eigen::Quaterniond q =
-      corrected_rotation(Eigen::Quaterniond(T_imu_lidar_.rotation()), state.mounting);
-  std::ostringstream text;
-  text << std::fixed << std::setprecision(2) << "the rotation of sensor.T_imu_lidar seems to be wrong by "
-       << state.mounting.norm() * 180.0 / M_PI << " deg (sensor.mounting_sigma "
-       << config_.sensor.mounting_sigma_deg << "); scans and IMU fit with rotation: [" << std::setprecision(6)
-       << q.x() << ", " << q.y() << ", " << q.z() << ", " << q.w() << "]";
-  reporter_->report(Severity::kWarning, "mounting", text.str());
-}
-
-void Estimator::Implementation::report_time_offset(const imu::NavState& state) {
-  if (scan_count_ % kSettledScans != 0) return;
-  const double change_s =
-      state.lidar_time_offset_s - std::exchange(time_offset_then_s_, state.lidar_time_offset_s);
-  const double sigma_s = std::max(config_.sensor.lidar_time_offset_sigma_s, kLeastTimeOffsetSigma_s);
-  if (std::abs(state.lidar_time_offset_s) <= kUsualTimeOffset * sigma_s ||
-      std::abs(change_s) > kSettledShare * std::abs(state.lidar_time_offset_s))
-    return;
-  const double whole_s = config_.sensor.lidar_time_offset_s + state.lidar_time_offset_s;
-  std::ostringstream text;
-  text << std::fixed << std::setprecision(1) << "the stamps of the scans seem to be "
-       << 1e3 * std::abs(state.lidar_time_offset_s) << " ms too "
-       << (state.lidar_time_offset_s > 0.0 ? "early" : "late")
-       << " for the clock of the IMU, which is taken into account; with sensor.lidar_time_offset: "
-       << std::setprecision(4) << whole_s << " it is from the first scan on";
-  reporter_->report(Severity::kWarning, "time_offset", text.str());
 }
 
 bool Estimator::Implementation::decide_keyframe(bool is_reviewed) {
@@ -466,8 +369,7 @@ std::optional<EstimateResult> Estimator::Implementation::add(const EstimatorInpu
     }
   }
   result.state = smoother_.newest();
-  report_mounting(result.state);
-  report_time_offset(result.state);
+  calibration_report_.add(result.state);
   const Matrix15d covariance = smoother_.covariance();
   result.map_covariance = covariance.topLeftCorner<6, 6>();
   if (scan_count_ > 0) {

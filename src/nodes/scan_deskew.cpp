@@ -156,8 +156,8 @@ bool ScanDeskew::process_front() {
   if (scans_.empty() || !prepare()) return false;
   const Stamp stamp = scans_.front().stamp;
   const double waited_s = seconds_since(front_since_);
-  // A next scan does not prove that no more readings come: on a busy machine clouds overtake them.
   if (previous_scan_ && !state_gate_->is_open(*previous_scan_, waited_s)) return false;
+  // A next scan does not prove that no more readings come: on a busy machine clouds overtake them.
   const Stamp needed = add_seconds(stamp, state_ ? state_->lidar_time_offset_s : 0.0);
   if (imu_subscriber_ && !imu_gate_->is_open(needed, waited_s)) return false;
   const Scan raw = std::move(scans_.front());

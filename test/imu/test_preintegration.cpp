@@ -187,6 +187,25 @@ TEST(Propagation, TurnsReadingsOfATurnedImuIntoTheAxesOfThePose) {
   EXPECT_LT(predicted.q_odom_imu.angularDistance(motion.attitude(0.6)), 1e-5);
 }
 
+// A state of the scans' clock becomes one of the IMU's, whose readings move it on.
+TEST(Propagation, OdometryHasTheStampsOfTheReadings) {
+  constexpr double kOffset = 0.03;
+  const SyntheticMotion motion;
+  Reporter reporter;
+  ImuBuffer buffer(SensorConfig(), &reporter);
+  for (const ImuSample& sample : motion.samples(0.0, 0.6, 200.0)) buffer.add(sample);
+  NavState state = motion.state(0.3);
+  state.stamp = add_seconds(state.stamp, -kOffset);
+  state.lidar_time_offset_s = kOffset;
+  ImuPropagator propagator;
+  propagator.set_state(state, buffer);
+  const auto moved = propagator.add(motion.sample(0.605));
+  ASSERT_TRUE(moved);
+  EXPECT_EQ(moved->stamp, motion.sample(0.605).stamp);
+  EXPECT_LT((moved->t_odom_imu - motion.position(0.605)).norm(), 2e-3);
+  EXPECT_LT(moved->q_odom_imu.angularDistance(motion.attitude(0.605)), 1e-4);
+}
+
 TEST(Propagation, WithoutReadingsHoldsVelocityAndRate) {
   NavState state;
   state.v_odom = Eigen::Vector3d(1.0, 2.0, 3.0);

@@ -70,8 +70,8 @@ struct ImuStatistics {
 struct Preintegration {
   Stamp from = 0;  ///< clock of the scans
   Stamp to = 0;
-  double lidar_time_offset_s =
-      0.0;  ///< linearisation point: the readings are those of `from` + this to `to` + this
+  /// Linearisation point: the readings are those from `from` + this to `to` + this.
+  double lidar_time_offset_s = 0.0;
   Eigen::Quaterniond delta_q = Eigen::Quaterniond::Identity();  ///< rotation of `to` in `from`
   Eigen::Vector3d delta_v = Eigen::Vector3d::Zero();            ///< without gravity [m/s]
   Eigen::Vector3d delta_p = Eigen::Vector3d::Zero();            ///< without gravity and initial velocity [m]

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
+#include "fdi_lio/mapping/adaptation.hpp"
+#include "fdi_lio/mapping/local_map.hpp"
+#include "fdi_lio/mapping/match_input.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
+#include "fdi_lio/mapping/scan_matcher.hpp"
+#include "fdi_lio/mapping/smoother.hpp"
+
+namespace fdi_lio::mapping {
+
+/// What aligning one scan gave.
+struct Alignment {
+  LidarInformation information;           ///< of the last iteration
+  degeneracy::OptimisationStatus status;  ///< axes, localizability and iterations; the rest is the caller's
+  /// Information along each of the status's axes, and what the noise alone would give [1/m^2].
+  Eigen::Matrix<double, 6, 1> axis_information = Eigen::Matrix<double, 6, 1>::Zero();
+  Eigen::Matrix<double, 6, 1> axis_noise = Eigen::Matrix<double, 6, 1>::Zero();
+  bool is_healthy = true;  ///< false: no match was possible, or the solver failed
+};
+
+/// Aligns the newest state of the smoother with the local map: associates, weighs by direction, lets the
+/// smoother solve, and begins again until nothing moves.
+class Registration {
+ public:
+  Registration(const Config& config, Reporter* reporter);
+
+  /// `predicted_covariance`: of the newest state's pose, order [dtheta (body), dt (odom)]; nothing where no
+  /// IMU predicts it. `is_start`: nothing is known of the velocity yet, associations are sought farther away
+  /// and more often.
+  Alignment align(MatchInput input, const LocalMap& map, const AdaptedSettings& adapted, bool is_start,
+                  const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother) const;
+
+ private:
+  void add_directions(const MatchInput& input, const LocalMap& map, const imu::NavState& at,
+                      const MatchSettings& settings, Alignment* alignment) const;
+  bool has_converged(const imu::NavState& before, const imu::NavState& after) const;
+
+  MappingConfig config_;
+  Reporter* reporter_;
+  ScanMatcher matcher_;
+};
+
+}  // namespace fdi_lio::mapping

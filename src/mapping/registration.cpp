@@ -1,0 +1,89 @@
+#include "fdi_lio/mapping/registration.hpp"
+
+#include <algorithm>
+
+#include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/mapping/health_monitor.hpp"
+#include "fdi_lio/mapping/localizability.hpp"
+
+namespace fdi_lio::mapping {
+
+namespace {
+/// At a start.
+constexpr int kStartIterations = 20;
+constexpr double kStartMaxResidual = 1.0;
+}  // namespace
+
+Registration::Registration(const Config& config, Reporter* reporter)
+    : config_(config.mapping), reporter_(reporter), matcher_(config) {}
+
+/// Directions that geometry leaves open are filled by textures, and what still is open is left to the IMU.
+void Registration::add_directions(const MatchInput& input, const LocalMap& map, const imu::NavState& at,
+                                  const MatchSettings& settings, Alignment* alignment) const {
+  const double margin = config_.localizability_margin;
+  LidarInformation* information = &alignment->information;
+  const Localizability geometric = analyse_localizability(*information, margin);
+  alignment->status.axes = geometric.axes;
+  alignment->status.localizability = geometric.probability;
+  alignment->axis_information = geometric.information;
+  alignment->axis_noise = geometric.noise_information;
+  remove_bias(geometric, information);
+  if (!input.textures.empty()) {
+    LidarInformation textures =
+        matcher_.linearise_textures(input, map.textures(), at.q_odom_imu, at.t_odom_imu, settings);
+    remove_bias(analyse_localizability(textures, margin), &textures);
+    add_in_weak_directions(geometric, textures, information);
+  }
+  if (config_.soften_weak_directions) soften(analyse_localizability(*information, margin), information);
+}
+
+bool Registration::has_converged(const imu::NavState& before, const imu::NavState& after) const {
+  const double turn = so3::log(Eigen::Quaterniond(before.q_odom_imu.conjugate() * after.q_odom_imu)).norm();
+  const double step_m = (before.t_odom_imu - after.t_odom_imu).norm();
+  return turn < config_.convergence_rotation_rad && step_m < config_.convergence_translation_m;
+}
+
+Alignment Registration::align(MatchInput input, const LocalMap& map, const AdaptedSettings& adapted,
+                              bool is_start, const std::optional<Matrix6d>& predicted_covariance,
+                              Smoother* smoother) const {
+  const int iterations = is_start ? kStartIterations : adapted.iterations;
+  MatchSettings settings;
+  settings.plane_weight = adapted.plane_weight;
+  settings.edge_weight = adapted.edge_weight;
+  settings.intensity_weight = config_.intensity_weight;
+  if (config_.judge_patches && predicted_covariance) {
+    const imu::NavState& predicted = smoother->newest();
+    input.plane_trust = matcher_.trust_planes(input, map.planes(), predicted.q_odom_imu, predicted.t_odom_imu,
+                                              *predicted_covariance);
+  }
+  const std::size_t features = input.planes.size() + input.edges.size();
+  Alignment alignment;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    const imu::NavState current = smoother->newest();
+    const double progress = static_cast<double>(iteration) / iterations;
+    settings.max_residual_m = is_start
+                                  ? std::max(config_.max_residual_m, kStartMaxResidual * (1.0 - progress))
+                                  : config_.max_residual_m;
+    if (!is_start && iteration > 0) settings.max_deviation = config_.max_deviation;
+    LidarInformation& information = alignment.information;
+    information = matcher_.linearise(input, map.planes(), map.edges(), current.q_odom_imu, current.t_odom_imu,
+                                     settings);
+    add_directions(input, map, current, settings, &alignment);
+    alignment.status.iterations = static_cast<std::uint32_t>(iteration + 1);
+    if (!HealthMonitor::is_matched(information.planes + information.edges, features)) {
+      alignment.is_healthy = false;
+      break;
+    }
+    smoother->set_lidar(information);
+    if (!smoother->solve()) {
+      reporter_->report(Severity::kError, "solver",
+                        "the optimisation of a scan failed: its pose is a prediction");
+      alignment.is_healthy = false;
+      break;
+    }
+    if (has_converged(current, smoother->newest())) break;
+  }
+  return alignment;
+}
+
+}  // namespace fdi_lio::mapping
