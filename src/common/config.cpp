@@ -290,6 +290,7 @@ void Config::visit(ParameterVisitor& v) {
   imu.visit(v);
   intensity.visit(v);
   gradient.visit(v);
+  isolation.visit(v);
   dynamic.visit(v);
   features.visit(v);
   mapping.visit(v);

@@ -74,7 +74,7 @@ void DegeneracyEstimator::add_knowledge(const DeskewedScan& scan,
   const std::size_t total = scan.points.size() + scan.removed.size();
   metrics->points = static_cast<std::uint32_t>(total);
   if (metrics->has_moving_share && total > 0)
-    metrics->moving_share = static_cast<double>(scan.removed.size()) / static_cast<double>(total);
+    metrics->moving_share = static_cast<double>(scan.moving_count()) / static_cast<double>(total);
   if (status && std::isfinite(status->position_sigma_m))
     metrics->position_sigma_m = std::max(0.0, status->position_sigma_m);
 }

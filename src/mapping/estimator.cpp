@@ -232,14 +232,16 @@ LidarInformation Estimator::Implementation::optimise(const MatchInput& input, Es
     predicted_covariance = smoother_.covariance().topLeftCorner<6, 6>();
     prediction = HealthMonitor::Prediction{predicted.T_odom_imu(), *predicted_covariance};
   }
-  const Alignment alignment =
-      registration_.align(input, map_, adapted_, is_start, predicted_covariance, &smoother_);
+  const std::size_t features = input.planes.size() + input.edges.size();
+  const Alignment alignment = registration_.align(input, map_, adapted_, health_.least_matches(features),
+                                                  is_start, predicted_covariance, &smoother_);
   result->status = alignment.status;
   result->axis_information = alignment.axis_information;
   result->axis_noise = alignment.axis_noise;
   result->is_healthy = alignment.is_healthy;
   if (result->is_healthy) {
-    health_.add(prediction, smoother_.newest());
+    const std::size_t matched = alignment.information.planes + alignment.information.edges;
+    health_.add(prediction, smoother_.newest(), static_cast<double>(matched) / static_cast<double>(features));
   } else {
     health_.add_unmatched();
   }

@@ -1,6 +1,7 @@
 #include "fdi_lio/mapping/health_monitor.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace fdi_lio::mapping {
@@ -9,6 +10,9 @@ namespace {
 
 constexpr std::size_t kMinMatches = 30;
 constexpr double kMinMatchShare = 0.1;
+/// Or of the share that is usual, a mean over about so many scans.
+constexpr double kMinUsualShare = 0.4;
+constexpr double kUsualScans = 10.0;
 constexpr int kLostScans = 50;
 /// The innovation is averaged over about so many scans, each counting for so much at most: a single one may
 /// follow a gap.
@@ -26,9 +30,9 @@ constexpr double kMaxGyroBias = 0.1;   ///< [rad/s]
 
 }  // namespace
 
-bool HealthMonitor::is_matched(std::size_t matched, std::size_t features) {
-  return matched >= kMinMatches &&
-         static_cast<double>(matched) >= kMinMatchShare * static_cast<double>(features);
+std::size_t HealthMonitor::least_matches(std::size_t features) const {
+  const double share = std::min(kMinMatchShare, kMinUsualShare * usual_share_.value_or(0.0));
+  return std::max(kMinMatches, static_cast<std::size_t>(std::ceil(share * static_cast<double>(features))));
 }
 
 void HealthMonitor::add_unmatched() {
@@ -40,8 +44,11 @@ void HealthMonitor::add_unmatched() {
           "sensor.T_imu_lidar and the clocks, or call the service reset");
 }
 
-void HealthMonitor::add(const std::optional<Prediction>& prediction, const imu::NavState& state) {
+void HealthMonitor::add(const std::optional<Prediction>& prediction, const imu::NavState& state,
+                        double matched_share) {
   unmatched_ = 0;
+  if (!usual_share_) usual_share_ = matched_share;
+  *usual_share_ += (matched_share - *usual_share_) / kUsualScans;
   if (state.imu_status != imu::ImuStatus::kInitialised) return;
   if (prediction) check_innovation(*prediction, state);
   check_biases(state);
@@ -49,6 +56,7 @@ void HealthMonitor::add(const std::optional<Prediction>& prediction, const imu::
 
 void HealthMonitor::restart() {
   unmatched_ = 0;
+  usual_share_.reset();
   innovations_ = 0;
   mean_innovation_sq_ = 0.0;
 }

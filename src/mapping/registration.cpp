@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "fdi_lio/common/so3.hpp"
-#include "fdi_lio/mapping/health_monitor.hpp"
 #include "fdi_lio/mapping/localizability.hpp"
 
 namespace fdi_lio::mapping {
@@ -44,8 +43,8 @@ bool Registration::has_converged(const imu::NavState& before, const imu::NavStat
 }
 
 Alignment Registration::align(MatchInput input, const LocalMap& map, const AdaptedSettings& adapted,
-                              bool is_start, const std::optional<Matrix6d>& predicted_covariance,
-                              Smoother* smoother) const {
+                              std::size_t least_matches, bool is_start,
+                              const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother) const {
   const int iterations = is_start ? kStartIterations : adapted.iterations;
   MatchSettings settings;
   settings.plane_weight = adapted.plane_weight;
@@ -56,7 +55,6 @@ Alignment Registration::align(MatchInput input, const LocalMap& map, const Adapt
     input.plane_trust = matcher_.trust_planes(input, map.planes(), predicted.q_odom_imu, predicted.t_odom_imu,
                                               *predicted_covariance);
   }
-  const std::size_t features = input.planes.size() + input.edges.size();
   Alignment alignment;
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const imu::NavState current = smoother->newest();
@@ -70,7 +68,7 @@ Alignment Registration::align(MatchInput input, const LocalMap& map, const Adapt
                                      settings);
     add_directions(input, map, current, settings, &alignment);
     alignment.status.iterations = static_cast<std::uint32_t>(iteration + 1);
-    if (!HealthMonitor::is_matched(information.planes + information.edges, features)) {
+    if (information.planes + information.edges < least_matches) {
       alignment.is_healthy = false;
       break;
     }

@@ -181,7 +181,8 @@ void ScanDeskew::publish(const Scan& raw, const DeskewedScan& scan) {
   info.zero = static_cast<std::uint32_t>(raw.dropped.zero);
   info.out_of_range = static_cast<std::uint32_t>(raw.dropped.out_of_range);
   info.duplicate = static_cast<std::uint32_t>(raw.dropped.duplicate);
-  info.moving = static_cast<std::uint32_t>(scan.removed.size());
+  info.moving = static_cast<std::uint32_t>(scan.moving_count());
+  info.isolated = static_cast<std::uint32_t>(scan.removed.size() - scan.moving_count());
   info.lost_scans = lost_scans_;
   info_publisher_.publish(info);
   const DeskewedCloudPtr message = ros_bridge::to_message(scan, lidar_frame_);

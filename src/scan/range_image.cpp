@@ -142,6 +142,19 @@ void RangeImage::build(DeskewedScan* scan) {
   learn_origins(*scan);
 }
 
+void RangeImage::remove(const std::vector<RemovalReason>& reasons) {
+  std::vector<std::uint32_t> number(reasons.size(), kNone);
+  std::uint32_t next = 0;
+  for (std::size_t i = 0; i < reasons.size(); ++i) {
+    if (reasons[i] == RemovalReason::kNone) number[i] = next++;
+  }
+  for (std::size_t at = 0; at < index_.size(); ++at) {
+    if (index_[at] == kNone) continue;
+    index_[at] = number[index_[at]];
+    if (index_[at] == kNone) range_[at] = 0.0F;
+  }
+}
+
 void RangeImage::learn_origins(const DeskewedScan& scan) {
   sweep_start_ = scan.sweep_start;
   seen_ago_.assign(static_cast<std::size_t>(columns_), -1.0F);

@@ -40,6 +40,15 @@ void GradientConfig::visit(ParameterVisitor& v) {
          10.0);
 }
 
+void IsolationConfig::visit(ParameterVisitor& v) {
+  v.integer({"isolation.min_neighbours", "",
+             "points with fewer neighbours hang in the air (dust, rain, snow) and are removed; 0: none are"},
+            min_neighbours, 0, 10);
+  v.real({"isolation.reach", "m", "neighbours are nearer than this"}, reach_m, 0.0, 10.0);
+  v.real({"isolation.reach_columns", "", "and farther by so many spacings of the points along a ring"},
+         reach_columns, 0.0, 100.0);
+}
+
 void DynamicConfig::visit(ParameterVisitor& v) {
   v.choice({"dynamic.mode", "",
             "how moving points are found. plain: high intensity gradient at a range jump; full: what earlier "

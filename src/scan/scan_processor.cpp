@@ -5,6 +5,8 @@
 #include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/propagation.hpp"
 #include "fdi_lio/scan/deskew.hpp"
+#include "fdi_lio/scan/isolated_points.hpp"
+#include "fdi_lio/scan/point_removal.hpp"
 
 namespace fdi_lio::scan {
 
@@ -60,6 +62,11 @@ DeskewedScan ScanProcessor::make_ordered(Scan* scan, const std::vector<imu::NavS
   DeskewedScan ordered = order_by_ring(*scan);
   ordered.sweep_start = sweep_start;
   image_.build(&ordered);
+  const std::vector<RemovalReason> isolated = find_isolated(ordered, image_, config_.isolation);
+  if (!isolated.empty()) {
+    image_.remove(isolated);
+    remove_points(isolated, &ordered);
+  }
   return ordered;
 }
 

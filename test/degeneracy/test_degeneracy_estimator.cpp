@@ -118,9 +118,11 @@ TEST(WeakestPositionSigma, IsTheLongestAxisOfThePositionsEllipsoid) {
 TEST(DegeneracyEstimator, KnowsTheShareOfMovingPointsOnlyWhereFreeSpaceWasLookedAt) {
   DeskewedScan scan = test::cast(test::BoxRoom{});
   scan.removed.assign(scan.points.begin(), scan.points.begin() + 1000);
+  scan.removal_reasons.assign(600, RemovalReason::kFreeSpace);
+  scan.removal_reasons.resize(1000, RemovalReason::kIsolated);  // dust says nothing of movement
   scan.points.erase(scan.points.begin(), scan.points.begin() + 1000);
   scan.ring_begin = {0, static_cast<std::uint32_t>(scan.points.size())};
-  const double share = 1000.0 / static_cast<double>(scan.points.size() + 1000);
+  const double share = 600.0 / static_cast<double>(scan.points.size() + 1000);
   Config config;
   config.dynamic.mode = "full";
   const Metrics full = DegeneracyEstimator(config, nullptr).estimate(scan, {}, {}).metrics;

@@ -13,11 +13,31 @@ imu::NavState running() {
   return state;
 }
 
+/// Scans of which the map knows `share`.
+void add_matched(double share, int count, HealthMonitor* monitor) {
+  for (int k = 0; k < count; ++k) monitor->add(std::nullopt, running(), share);
+}
+
 TEST(HealthMonitor, FewMatchesOrASmallShareOfThemSayNothing) {
-  EXPECT_FALSE(HealthMonitor::is_matched(29, 29));
-  EXPECT_TRUE(HealthMonitor::is_matched(30, 100));
-  EXPECT_FALSE(HealthMonitor::is_matched(90, 1000));
-  EXPECT_TRUE(HealthMonitor::is_matched(100, 1000));
+  Reporter reporter;
+  HealthMonitor monitor(&reporter);
+  add_matched(0.7, 20, &monitor);
+  EXPECT_EQ(monitor.least_matches(29), 30U);
+  EXPECT_EQ(monitor.least_matches(100), 30U);
+  EXPECT_EQ(monitor.least_matches(1000), 100U);
+}
+
+// Few beams on open ground: the first map knows a twentieth of the scans, and more as the sensor drives.
+TEST(HealthMonitor, WhereTheMapKnowsLittleASmallShareIsEnough) {
+  Reporter reporter;
+  HealthMonitor monitor(&reporter);
+  EXPECT_EQ(monitor.least_matches(2000), 30U);
+  add_matched(0.05, 30, &monitor);
+  EXPECT_NEAR(static_cast<double>(monitor.least_matches(2000)), 0.4 * 0.05 * 2000, 1.0);
+  add_matched(0.5, 60, &monitor);
+  EXPECT_EQ(monitor.least_matches(2000), 200U);
+  monitor.restart();
+  EXPECT_EQ(monitor.least_matches(2000), 30U);
 }
 
 /// Predictions that miss by draws from `sigma` in each of the six directions, with a covariance that says 1
@@ -29,7 +49,7 @@ void add_predictions(double sigma_rad, double sigma_m, int count, HealthMonitor*
     Vector6d delta;
     for (int axis = 0; axis < 6; ++axis) delta(axis) = (axis < 3 ? sigma_rad : sigma_m) * normal(random);
     monitor->add(HealthMonitor::Prediction{moved(running().T_odom_imu(), delta), isotropic(1e-3, 0.01)},
-                 running());
+                 running(), 0.7);
   }
 }
 
@@ -60,7 +80,7 @@ TEST(HealthMonitor, CertaintyBeyondTheScansIsNoContradiction) {
   imu::NavState state = running();
   for (int k = 0; k < 300; ++k) {
     state.t_odom_imu = Eigen::Vector3d(k % 2 == 0 ? 3e-3 : -3e-3, 0.0, 0.0);
-    monitor.add(HealthMonitor::Prediction{running().T_odom_imu(), isotropic(1e-5, 1e-4)}, state);
+    monitor.add(HealthMonitor::Prediction{running().T_odom_imu(), isotropic(1e-5, 1e-4)}, state, 0.7);
   }
   EXPECT_FALSE(reporter.has("imu_contradiction"));
 }
@@ -81,7 +101,7 @@ TEST(HealthMonitor, ManyUnmatchedScansInARowAreReportedAsLost) {
   HealthMonitor monitor(&reporter);
   for (int k = 0; k < 200; ++k) {
     if (k % 40 == 39) {
-      monitor.add(std::nullopt, running());
+      monitor.add(std::nullopt, running(), 0.7);
     } else {
       monitor.add_unmatched();
     }
@@ -98,14 +118,14 @@ TEST(HealthMonitor, BiasesThatNoSensorHasAreReported) {
   imu::NavState state = running();
   state.accel_bias = Eigen::Vector3d(0.5, -0.6, 0.3);
   state.gyro_bias = Eigen::Vector3d(0.03, 0.0, -0.05);
-  monitor.add(std::nullopt, state);
+  monitor.add(std::nullopt, state, 0.7);
   EXPECT_FALSE(reporter.has("imu_bias"));
   state.accel_bias.z() = 1.2;
   state.imu_status = imu::ImuStatus::kInitialising;
-  monitor.add(std::nullopt, state);
+  monitor.add(std::nullopt, state, 0.7);
   EXPECT_FALSE(reporter.has("imu_bias"));
   state.imu_status = imu::ImuStatus::kInitialised;
-  monitor.add(std::nullopt, state);
+  monitor.add(std::nullopt, state, 0.7);
   EXPECT_TRUE(reporter.has("imu_bias"));
 }
 

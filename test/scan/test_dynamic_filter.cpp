@@ -7,6 +7,7 @@
 
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/scan/dynamic_filter.hpp"
+#include "fdi_lio/scan/point_removal.hpp"
 
 namespace fdi_lio::scan {
 namespace {

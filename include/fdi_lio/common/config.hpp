@@ -182,6 +182,7 @@ struct Config {
   ImuConfig imu;
   scan::IntensityConfig intensity;
   scan::GradientConfig gradient;
+  scan::IsolationConfig isolation;
   scan::DynamicConfig dynamic;
   FeatureConfig features;
   MappingConfig mapping;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -41,12 +42,13 @@ struct Scan {
   DropCounts dropped;
 };
 
-/// Why a point was removed as moving (scan::DynamicFilter).
+/// Why a point was removed: as moving (scan::DynamicFilter), or as hanging in the air (scan::find_isolated).
 enum class RemovalReason : std::uint8_t {
   kNone = 0,
   kCriterion = 1,     ///< plain criterion: intensity gradient and range jump
   kFreeSpace = 2,     ///< earlier scans saw through its place
   kPartOfObject = 3,  ///< touches points whose place was free
+  kIsolated = 4,      ///< no surface and no object: dust, rain, snow
 };
 
 /// A sweep moved to one instant, ordered ring by ring and by azimuth within each ring.
@@ -64,8 +66,15 @@ struct DeskewedScan {
   std::vector<float> intensity_level;
   std::vector<float> intensity_gradient;
   std::vector<float> gradient_stability;
-  std::vector<Point> removed;                  ///< points classified as moving
+  std::vector<Point> removed;                  ///< points that moved, or hung in the air
   std::vector<RemovalReason> removal_reasons;  ///< of `removed`
+
+  /// Of `removed`, those on moving objects.
+  std::size_t moving_count() const {
+    return removal_reasons.size() -
+           static_cast<std::size_t>(
+               std::count(removal_reasons.begin(), removal_reasons.end(), RemovalReason::kIsolated));
+  }
 
   std::size_t ring_count() const { return ring_begin.empty() ? 0 : ring_begin.size() - 1; }
 };

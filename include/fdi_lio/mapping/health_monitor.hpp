@@ -15,7 +15,9 @@ namespace fdi_lio::mapping {
 ///
 /// - **Unmatched**: a scan with fewer than 30 matches, or with matches for less than a tenth of its features,
 ///   says nothing of the pose: the sensor may have left the local map in a gap without scans, or the pose has
-///   run away. What becomes of the map is up to MapCandidate; 50 such scans in a row are reported as lost.
+///   run away. Where few beams see open ground, the map of the first scans knows hardly anything of any scan,
+///   so that 0.4 of the usual share is enough there. What becomes of the map is up to MapCandidate; 50 such
+///   scans in a row are reported as lost.
 /// - **Contradiction**: the pose that the IMU predicts and the one that the scan gives are farther apart than
 ///   both say, again and again: e' (P + R)^-1 e, with e the correction, P the covariance of the prediction
 ///   and R that of scans that do not quite fit the map (1 mrad, 1 cm: beams, edges, the map's own errors),
@@ -25,8 +27,8 @@ class HealthMonitor {
  public:
   explicit HealthMonitor(Reporter* reporter) : reporter_(reporter) {}
 
-  /// Whether a scan's matches are enough to correct its pose.
-  static bool is_matched(std::size_t matched, std::size_t features);
+  /// How many of a scan's features must find matches, so that these can correct its pose.
+  std::size_t least_matches(std::size_t features) const;
 
   /// A scan was not matched: its pose is a prediction.
   void add_unmatched();
@@ -38,8 +40,9 @@ class HealthMonitor {
     Matrix6d covariance = Matrix6d::Identity();
   };
 
-  /// Takes what became of a matched scan; no `prediction` where the IMU gave none.
-  void add(const std::optional<Prediction>& prediction, const imu::NavState& state);
+  /// Takes what became of a matched scan, with the share of its features that found matches; no `prediction`
+  /// where the IMU gave none.
+  void add(const std::optional<Prediction>& prediction, const imu::NavState& state, double matched_share);
 
   /// The local map was begun anew.
   void restart();
@@ -49,8 +52,9 @@ class HealthMonitor {
   void check_biases(const imu::NavState& state);
 
   Reporter* reporter_;
-  int unmatched_ = 0;    ///< in a row
-  int innovations_ = 0;  ///< since the map was begun
+  int unmatched_ = 0;                  ///< in a row
+  std::optional<double> usual_share_;  ///< of the features that the map knows
+  int innovations_ = 0;                ///< since the map was begun
   double mean_innovation_sq_ = 0.0;
 };
 

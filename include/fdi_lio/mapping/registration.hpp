@@ -33,9 +33,10 @@ class Registration {
   Registration(const Config& config, Reporter* reporter);
 
   /// `predicted_covariance`: of the newest state's pose, order [dtheta (body), dt (odom)]; nothing where no
-  /// IMU predicts it. `is_start`: nothing is known of the velocity yet, associations are sought farther away
-  /// and more often.
-  Alignment align(MatchInput input, const LocalMap& map, const AdaptedSettings& adapted, bool is_start,
+  /// IMU predicts it. With fewer than `least_matches` planes and edges the scan says nothing. `is_start`:
+  /// nothing is known of the velocity yet, associations are sought farther away and more often.
+  Alignment align(MatchInput input, const LocalMap& map, const AdaptedSettings& adapted,
+                  std::size_t least_matches, bool is_start,
                   const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother) const;
 
  private:

@@ -67,7 +67,4 @@ class DynamicFilter {
   std::deque<Past> history_;  ///< oldest first
 };
 
-/// Moves the points with a reason out of `scan`, with all that is kept per point, to `scan->removed`.
-void remove_points(const std::vector<RemovalReason>& reasons, DeskewedScan* scan);
-
 }  // namespace fdi_lio::scan

@@ -23,6 +23,9 @@ class RangeImage {
   /// spacing of the points and kept while it fits.
   void build(DeskewedScan* scan);
 
+  /// Forgets the points that have a reason, and numbers the others as remove_points leaves them.
+  void remove(const std::vector<RemovalReason>& reasons);
+
   int rings() const { return rings_; }
   int columns() const { return columns_; }
   bool empty() const { return index_.empty(); }

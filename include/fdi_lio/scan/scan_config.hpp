@@ -35,6 +35,15 @@ struct GradientConfig {
   void visit(ParameterVisitor& visitor);
 };
 
+/// Points that hang in the air (scan::find_isolated).
+struct IsolationConfig {
+  int min_neighbours = 2;
+  double reach_m = 0.2;
+  double reach_columns = 15.0;
+
+  void visit(ParameterVisitor& visitor);
+};
+
 /// The filter of moving points (scan::DynamicFilter).
 struct DynamicConfig {
   std::string mode = "full";  // off | plain | full

@@ -20,7 +20,8 @@ namespace fdi_lio::scan {
 /// gradient and without what moves.
 class ScanProcessor {
  public:
-  /// The stages are "deskew" (with the order by ring and the range image), "intensity" (level, gradient,
+  /// The stages are "deskew" (with the order by ring, the range image and points
+  /// that hang in the air), "intensity" (level, gradient,
   /// smoothing) and "dynamic".
   ScanProcessor(const Config& config, Reporter* reporter, StageTimer timer = StageTimer());
 
@@ -29,7 +30,7 @@ class ScanProcessor {
   DeskewedScan process(Scan scan, const std::optional<imu::NavState>& state, const imu::ImuBuffer& imu);
 
  private:
-  /// The scan in the order of rings, with the image of its ranges in `image_`.
+  /// The scan in the order of rings, without isolated points, with the image of its ranges in `image_`.
   DeskewedScan make_ordered(Scan* scan, const std::vector<imu::NavState>& trajectory);
   std::vector<imu::NavState> predict(const Scan& scan, const std::optional<imu::NavState>& state,
                                      const imu::ImuBuffer& imu) const;

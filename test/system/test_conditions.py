@@ -1,0 +1,55 @@
+#!/usr/bin/python3
+"""Surroundings in which other systems are lost from the first scan on: open ground under few beams, dust in the air.
+
+usage: test_conditions.py BIN_DIR SOURCE_DIR
+"""
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+
+from test_offline_slam import ate_rmse, read_tum
+
+BIN = pathlib.Path()
+SOURCE = pathlib.Path()
+
+
+class Conditions(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.path = pathlib.Path(folder.name)
+
+    def drive(self, scenario, duration_s, *settings):
+        """Trajectory and truth of a simulated drive, and what was reported."""
+        stem = self.path / scenario
+        chosen = [word for setting in ("lidar.model=vlp16", *settings) for word in ("--set", setting)]
+        subprocess.run([BIN / "simulate_bag", "--scenario", SOURCE / f"config/scenarios/{scenario}.yaml", "--seed", "1",
+                        "--output", f"{stem}.bag", "--duration", str(duration_s), *chosen], check=True, capture_output=True)
+        done = subprocess.run([BIN / "offline_slam", "--config", f"{stem}.config.yaml", "--bag", f"{stem}.bag", "--output",
+                               self.path / "run"], capture_output=True, text=True, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        estimate = read_tum(self.path / "run/odometry.tum")
+        self.assertGreaterEqual(len(estimate), 10 * duration_s - 1)
+        self.assertTrue(np.isfinite(estimate).all())
+        return estimate, read_tum(f"{stem}.tum"), done.stderr
+
+    def test_sixteen_beams_on_an_open_road(self):
+        # Their rings on the ground are lines, so that the map of the first scans has hardly a plane.
+        estimate, truth, said = self.drive("highway", 10)
+        self.assertNotIn("too few matches", said)
+        self.assertLess(ate_rmse(estimate, truth), 0.2)
+
+    def test_dust(self):
+        # One beam in ten meets dust before a wall 10 m away.
+        estimate, truth, said = self.drive("tunnel", 10, "world.dust=0.01")
+        self.assertNotIn("too few matches", said)
+        self.assertLess(ate_rmse(estimate, truth), 0.2)
+
+
+if __name__ == "__main__":
+    BIN, SOURCE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2)
