@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fdi_lio/imu/noise_meter.hpp"
+
 namespace fdi_lio::imu {
 
 namespace {
@@ -99,7 +101,9 @@ ImuStatistics ImuBuffer::statistics(Stamp to, double duration_s) const {
   if (begin >= end) return statistics;
   Eigen::Vector3d square_acceleration = Eigen::Vector3d::Zero();
   Eigen::Vector3d square_rate = Eigen::Vector3d::Zero();
+  NoiseMeter noise;
   for (auto it = begin; it != end; ++it) {
+    noise.add(*it);
     statistics.mean_acceleration += it->acceleration;
     statistics.mean_angular_velocity += it->angular_velocity;
     square_acceleration += it->acceleration.cwiseAbs2();
@@ -115,6 +119,10 @@ ImuStatistics ImuBuffer::statistics(Stamp to, double duration_s) const {
   };
   statistics.acceleration_std = deviation(square_acceleration, statistics.mean_acceleration);
   statistics.angular_velocity_std = deviation(square_rate, statistics.mean_angular_velocity);
+  if (const auto density = noise.density()) {
+    statistics.acceleration_noise = density->acceleration;
+    statistics.angular_velocity_noise = density->angular_velocity;
+  }
   return statistics;
 }
 

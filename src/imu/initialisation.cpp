@@ -29,6 +29,12 @@ Eigen::Vector3d estimate_gyro_bias(const Eigen::Quaterniond& first_q,
   return H.ldlt().solve(b);
 }
 
+/// Whether readings scatter by no more than `usual`, or than the vibration explains that is seen in them.
+bool is_scatter_of_rest(double deviation, double usual, double noise_density, double rate_hz) {
+  constexpr double kChance = 1.2;  // of a hundred readings, in two estimates of their deviation
+  return deviation < std::hypot(usual, kChance * noise_density * std::sqrt(3.0 * rate_hz));
+}
+
 }  // namespace
 
 Eigen::Quaterniond level_orientation(const ImuStatistics& statistics) {
@@ -50,8 +56,11 @@ bool is_long_enough(const ImuStatistics& statistics, const ImuConfig& config) {
 }
 
 bool is_calm(const ImuStatistics& statistics, const ImuConfig& config) {
-  return statistics.angular_velocity_std < config.static_gyro_std &&
-         statistics.acceleration_std < config.static_accel_std &&
+  const double rate_hz = (statistics.count - 1) / std::max(statistics.duration_s, 1e-3);
+  return is_scatter_of_rest(statistics.angular_velocity_std, config.static_gyro_std,
+                            statistics.angular_velocity_noise, rate_hz) &&
+         is_scatter_of_rest(statistics.acceleration_std, config.static_accel_std,
+                            statistics.acceleration_noise, rate_hz) &&
          statistics.mean_angular_velocity.norm() < config.static_max_rate;
 }
 

@@ -15,6 +15,9 @@ constexpr int kVelocity = 6;
 constexpr int kGyroBias = 9;
 constexpr int kAccelBias = 12;
 
+/// Of the noise that readings show.
+constexpr double kMargin = 3.0;
+
 /// Noise densities of one step.
 struct StepNoise {
   double gyro;
@@ -115,8 +118,11 @@ void integrate_step(const ImuSample& a, const ImuSample& b, const StepNoise& noi
 /// How the rate changes from the begin to the end of the interval, in the axes of its end: readings that are
 /// later by d take what comes after the end and leave out what came after the begin, Exp(-d w_from) delta_q
 /// Exp(d w_to). Means over the first and the last quarter tell it, carried on to the ends: two single
-/// readings would, by their noise, seem to tell the time of a sensor that does not turn.
-Eigen::Vector3d change_of_rate(const std::vector<ImuSample>& clipped, const Preintegration& interval) {
+/// readings would, by their noise, seem to tell the time of a sensor that does not turn. For the same reason
+/// the change is shortened by twice what noise alone would give (as James and Stein's estimator is, whose
+/// positive part alone still lets a third of the noise pass).
+Eigen::Vector3d change_of_rate(const std::vector<ImuSample>& clipped, const Preintegration& interval,
+                               double gyro_noise) {
   const double quarter_s = 0.25 * interval.duration_s();
   struct Mean {
     Eigen::Vector3d rate = Eigen::Vector3d::Zero();
@@ -137,14 +143,29 @@ Eigen::Vector3d change_of_rate(const std::vector<ImuSample>& clipped, const Prei
   const Eigen::Vector3d change =
       (last.rate / last.count - interval.gyro_bias) -
       interval.delta_q.conjugate() * (first.rate / first.count - interval.gyro_bias);
-  return change * (interval.duration_s() / between_s);
+  const double step_s = interval.duration_s() / static_cast<double>(clipped.size() - 1);
+  const double noise_sq =
+      4.0 * 3.0 * gyro_noise * gyro_noise / step_s * (1.0 / first.count + 1.0 / last.count);
+  if (change.squaredNorm() <= noise_sq) return Eigen::Vector3d::Zero();
+  const double kept = 1.0 - noise_sq / change.squaredNorm();
+  return change * (kept * interval.duration_s() / between_s);
 }
 
 }  // namespace
 
-ImuNoise noise_of(const SensorConfig& sensor) {
-  return {sensor.gyro_noise, sensor.accel_noise, sensor.gyro_bias_walk,
-          std::hypot(sensor.accel_bias_walk, sensor.accel_model_walk)};
+bool is_shaken(const SensorConfig& sensor, const ImuStatistics& recent) {
+  return recent.angular_velocity_noise > kMargin * sensor.gyro_noise ||
+         recent.acceleration_noise > kMargin * sensor.accel_noise;
+}
+
+ImuNoise noise_of(const SensorConfig& sensor, const ImuStatistics& recent) {
+  ImuNoise noise;
+  noise.gyro = std::max(sensor.gyro_noise, kMargin * recent.angular_velocity_noise);
+  noise.accel = std::max(sensor.accel_noise, kMargin * recent.acceleration_noise);
+  noise.gyro_bias_walk = sensor.gyro_bias_walk;
+  noise.accel_bias_walk = std::hypot(sensor.accel_bias_walk, sensor.accel_model_walk);
+  noise.gyro_seen = recent.angular_velocity_noise;
+  return noise;
 }
 
 namespace {
@@ -225,7 +246,7 @@ Preintegration preintegrate(const std::vector<ImuSample>& samples, Stamp from, S
       noise.accel_bias_walk * noise.accel_bias_walk * dt * Eigen::Matrix3d::Identity();
   out.longest_gap_s = longest_gap(samples, from, to);
   out.last_angular_velocity = clipped.back().angular_velocity;
-  out.dq_doffset = change_of_rate(clipped, out);
+  out.dq_doffset = change_of_rate(clipped, out, noise.gyro_seen);
   for (const ImuSample& sample : samples) {
     if (sample.stamp > from && sample.stamp <= to) ++out.sample_count;
   }

@@ -16,10 +16,11 @@ std::optional<Preintegration> preintegrate_scan_interval(const ImuBuffer& imu,
   const NavState neutral;
   const NavState& biases = has_state ? *state : neutral;
   const double offset_s = biases.lidar_time_offset_s;
+  const ImuStatistics recent = imu.statistics(add_seconds(to, offset_s), config.imu.static_duration_s);
   Preintegration result = preintegrate(imu.between(from, to, offset_s), from, to, biases.gyro_bias,
-                                       biases.accel_bias, noise_of(config.sensor), config.imu);
+                                       biases.accel_bias, noise_of(config.sensor, recent), config.imu);
   result.lidar_time_offset_s = offset_s;
-  result.recent = imu.statistics(add_seconds(to, offset_s), config.imu.static_duration_s);
+  result.recent = recent;
   return result;
 }
 

@@ -6,6 +6,7 @@
 #include <sstream>
 #include <utility>
 
+#include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/mapping/mounting.hpp"
 
 namespace fdi_lio::mapping {
@@ -25,8 +26,9 @@ constexpr int kSettledScans = 30;
 CalibrationReport::CalibrationReport(const SensorConfig& sensor, Reporter* reporter)
     : sensor_(sensor), reporter_(reporter) {}
 
-void CalibrationReport::add(const imu::NavState& state) {
+void CalibrationReport::add(const imu::NavState& state, const imu::ImuStatistics& recent) {
   report_mounting(state);
+  if (imu::is_shaken(sensor_, recent)) report_vibration(recent);
   if (scans_++ % kSettledScans == 0) report_time_offset(state);
 }
 
@@ -56,6 +58,16 @@ void CalibrationReport::report_time_offset(const imu::NavState& state) {
        << std::setprecision(4) << sensor_.lidar_time_offset_s + offset_s
        << " so that it does from the first scan on";
   reporter_->report(Severity::kWarning, "time_offset", text.str());
+}
+
+void CalibrationReport::report_vibration(const imu::ImuStatistics& recent) {
+  std::ostringstream text;
+  text << std::setprecision(2) << "the readings of the IMU show white noise of " << recent.acceleration_noise
+       << " m/s^2/sqrt(Hz) and " << recent.angular_velocity_noise
+       << " rad/s/sqrt(Hz), more than sensor.accel_noise (" << sensor_.accel_noise
+       << ") and sensor.gyro_noise (" << sensor_.gyro_noise
+       << ") say: vibration? The estimate takes that into account; dampers or a filter in the IMU would help";
+  reporter_->report(Severity::kWarning, "imu_vibration", text.str());
 }
 
 }  // namespace fdi_lio::mapping

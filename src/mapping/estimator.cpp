@@ -103,7 +103,7 @@ class Estimator::Implementation {
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void search_motion(const std::optional<imu::Preintegration>& imu, FeatureSet* features);
   FeatureSet deskewed_anew(const EstimatorInput& input, imu::NavState state) const;
-  LidarInformation optimise(const MatchInput& input, EstimateResult* result);
+  LidarInformation optimise(const MatchInput& input, bool is_shaken, EstimateResult* result);
   void begin_map_anew(const EstimateResult& result, const Matrix15d& covariance);
   void adopt_imu(const std::optional<ImuStart::Found>& found);
   void start_smoother(const imu::NavState& state, Smoother::InitialSigma sigma);
@@ -221,7 +221,8 @@ void Estimator::Implementation::search_motion(const std::optional<imu::Preintegr
                     "started in motion, at about " + std::to_string(v_odom->norm()) + " m/s");
 }
 
-LidarInformation Estimator::Implementation::optimise(const MatchInput& input, EstimateResult* result) {
+LidarInformation Estimator::Implementation::optimise(const MatchInput& input, bool is_shaken,
+                                                     EstimateResult* result) {
   const imu::NavState& predicted = smoother_.newest();
   const bool has_prediction = predicted.imu_status == imu::ImuStatus::kInitialised;
   const bool is_known = has_prediction && !has_restarted_;
@@ -230,7 +231,7 @@ LidarInformation Estimator::Implementation::optimise(const MatchInput& input, Es
   std::optional<Matrix6d> predicted_covariance;
   if (has_prediction) {
     predicted_covariance = smoother_.covariance().topLeftCorner<6, 6>();
-    prediction = HealthMonitor::Prediction{predicted.T_odom_imu(), *predicted_covariance};
+    prediction = HealthMonitor::Prediction{predicted.T_odom_imu(), *predicted_covariance, is_shaken};
   }
   const std::size_t features = input.planes.size() + input.edges.size();
   const Alignment alignment = registration_.align(input, map_, adapted_, health_.least_matches(features),
@@ -344,8 +345,10 @@ std::optional<EstimateResult> Estimator::Implementation::add(const EstimatorInpu
     if (first_) search_motion(imu, &features);
     if (moving_start_ && is_reviewed) features = deskewed_anew(input, smoother_.newest());
     if (config_.mapping.calibrate_beams) features = beams_.apply(features, smoother_.newest());
-    const LidarInformation information = optimise(
-        make_match_input(features, config_.mapping, T_imu_lidar_, adapted_.feature_voxel_m), &result);
+    const bool is_shaken = imu && imu::is_shaken(config_.sensor, imu->recent);
+    const LidarInformation information =
+        optimise(make_match_input(features, config_.mapping, T_imu_lidar_, adapted_.feature_voxel_m),
+                 is_shaken, &result);
     radius_m = information.radius_m;
     radius_m_ = radius_m;
     result.matched_planes = information.planes;
@@ -371,7 +374,7 @@ std::optional<EstimateResult> Estimator::Implementation::add(const EstimatorInpu
     }
   }
   result.state = smoother_.newest();
-  calibration_report_.add(result.state);
+  calibration_report_.add(result.state, imu ? imu->recent : imu::ImuStatistics());
   const Matrix15d covariance = smoother_.covariance();
   result.map_covariance = covariance.topLeftCorner<6, 6>();
   if (scan_count_ > 0) {

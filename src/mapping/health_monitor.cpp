@@ -50,7 +50,7 @@ void HealthMonitor::add(const std::optional<Prediction>& prediction, const imu::
   if (!usual_share_) usual_share_ = matched_share;
   *usual_share_ += (matched_share - *usual_share_) / kUsualScans;
   if (state.imu_status != imu::ImuStatus::kInitialised) return;
-  if (prediction) check_innovation(*prediction, state);
+  if (prediction && !prediction->is_shaken) check_innovation(*prediction, state);
   check_biases(state);
 }
 

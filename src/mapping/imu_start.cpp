@@ -1,15 +1,18 @@
 #include "fdi_lio/mapping/imu_start.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace fdi_lio::mapping {
 
 namespace {
 
-constexpr double kMaxStaticSpeed = 0.1;          ///< [m/s]
-constexpr double kRestAccelerationSigma = 0.01;  ///< of the mean over the static duration [m/s^2]
-constexpr double kMaxGravityError = 0.5;         ///< [m/s^2]
+constexpr double kMaxStaticSpeed = 0.1;  ///< [m/s]
+/// Of the means over the static duration, beside white noise [m/s^2], [rad/s].
+constexpr double kRestAccelerationSigma = 0.01;
+constexpr double kRestRateSigma = 2e-3;
+constexpr double kMaxGravityError = 0.5;  ///< [m/s^2]
 /// Beyond, more scans are waited for, up to so many times as many: a wrong gravity drives off where the lidar
 /// hardly sees the way along the road.
 constexpr double kGoodGravitySigma = 0.1;
@@ -44,8 +47,10 @@ std::optional<ImuStart::Found> ImuStart::at_rest(const imu::NavState& newest,
   state.w_imu.setZero();
   Smoother::InitialSigma sigma;
   sigma.velocity = 0.02;
-  sigma.gyro_bias = 2e-3;
-  sigma.rest_acceleration = kRestAccelerationSigma;
+  const double per_mean = 1.0 / std::sqrt(imu.recent.duration_s);
+  sigma.gyro_bias = std::hypot(kRestRateSigma, imu.recent.angular_velocity_noise * per_mean);
+  sigma.rest_acceleration = std::hypot(kRestAccelerationSigma, imu.recent.acceleration_noise * per_mean);
+  sigma.gravity = std::max(sigma.gravity, sigma.rest_acceleration);
   reporter_->report(Severity::kInfo, "imu_static", "IMU initialised standing still");
   return initialised(state, sigma);
 }

@@ -205,6 +205,8 @@ PreintegratedImuPtr to_message(const imu::Preintegration& preintegration, const 
   message->recent_angular_velocity = to_message(recent.mean_angular_velocity);
   message->recent_acceleration_std = recent.acceleration_std;
   message->recent_angular_velocity_std = recent.angular_velocity_std;
+  message->recent_acceleration_noise = recent.acceleration_noise;
+  message->recent_angular_velocity_noise = recent.angular_velocity_noise;
   return message;
 }
 
@@ -234,6 +236,8 @@ imu::Preintegration to_preintegration(const PreintegratedImu& message) {
   preintegration.recent.mean_angular_velocity = to_vector(message.recent_angular_velocity);
   preintegration.recent.acceleration_std = message.recent_acceleration_std;
   preintegration.recent.angular_velocity_std = message.recent_angular_velocity_std;
+  preintegration.recent.acceleration_noise = message.recent_acceleration_noise;
+  preintegration.recent.angular_velocity_noise = message.recent_angular_velocity_noise;
   return preintegration;
 }
 

@@ -202,7 +202,7 @@ TEST_F(Conversions, PreintegrationKeepsEveryBit) {
   p.sample_count = 11;
   p.longest_gap_s = number();
   p.last_angular_velocity = vector();
-  p.recent = {number(), 7, vector(), vector(), number(), number()};
+  p.recent = {number(), 7, vector(), vector(), number(), number(), number(), number()};
   const imu::Preintegration back = to_preintegration(*to_message(p, "imu"));
   EXPECT_EQ(back.from, p.from);
   EXPECT_EQ(back.to, p.to);
@@ -228,6 +228,8 @@ TEST_F(Conversions, PreintegrationKeepsEveryBit) {
   EXPECT_EQ(back.recent.mean_angular_velocity, p.recent.mean_angular_velocity);
   EXPECT_EQ(back.recent.acceleration_std, p.recent.acceleration_std);
   EXPECT_EQ(back.recent.angular_velocity_std, p.recent.angular_velocity_std);
+  EXPECT_EQ(back.recent.acceleration_noise, p.recent.acceleration_noise);
+  EXPECT_EQ(back.recent.angular_velocity_noise, p.recent.angular_velocity_noise);
 }
 
 TEST_F(Conversions, OdometryIsThatOfTheBase) {

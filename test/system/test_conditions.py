@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Surroundings in which other systems are lost from the first scan on: open ground under few beams, dust in the air.
+"""Surroundings in which other systems are lost from the first scan on: open ground under few beams, dust in the air, an
+IMU that is shaken.
 
 usage: test_conditions.py BIN_DIR SOURCE_DIR
 """
@@ -10,6 +11,7 @@ import tempfile
 import unittest
 
 import numpy as np
+import rosbag
 
 from test_offline_slam import ate_rmse, read_tum
 
@@ -23,12 +25,14 @@ class Conditions(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.path = pathlib.Path(folder.name)
 
-    def drive(self, scenario, duration_s, *settings):
-        """Trajectory and truth of a simulated drive, and what was reported."""
+    def drive(self, scenario, duration_s, *settings, change=None):
+        """Trajectory and truth of a simulated drive, and what was reported. `change` is done to each IMU reading."""
         stem = self.path / scenario
         chosen = [word for setting in ("lidar.model=vlp16", *settings) for word in ("--set", setting)]
         subprocess.run([BIN / "simulate_bag", "--scenario", SOURCE / f"config/scenarios/{scenario}.yaml", "--seed", "1",
                         "--output", f"{stem}.bag", "--duration", str(duration_s), *chosen], check=True, capture_output=True)
+        if change:
+            self.rewrite(pathlib.Path(f"{stem}.bag"), change)
         done = subprocess.run([BIN / "offline_slam", "--config", f"{stem}.config.yaml", "--bag", f"{stem}.bag", "--output",
                                self.path / "run"], capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
@@ -36,6 +40,15 @@ class Conditions(unittest.TestCase):
         self.assertGreaterEqual(len(estimate), 10 * duration_s - 1)
         self.assertTrue(np.isfinite(estimate).all())
         return estimate, read_tum(f"{stem}.tum"), done.stderr
+
+    def rewrite(self, bag, change):
+        changed = self.path / "changed.bag"
+        with rosbag.Bag(bag) as source, rosbag.Bag(changed, "w") as target:
+            for topic, message, received in source.read_messages():
+                if topic == "/imu_raw":
+                    change(message)
+                target.write(topic, message, received)
+        changed.replace(bag)
 
     def test_sixteen_beams_on_an_open_road(self):
         # Their rings on the ground are lines, so that the map of the first scans has hardly a plane.
@@ -48,6 +61,20 @@ class Conditions(unittest.TestCase):
         estimate, truth, said = self.drive("tunnel", 10, "world.dust=0.01")
         self.assertNotIn("too few matches", said)
         self.assertLess(ate_rmse(estimate, truth), 0.2)
+
+    def test_an_imu_beside_an_engine(self):
+        # A hundred times the noise of its data sheet, from before the start on.
+        random = np.random.default_rng(1)
+
+        def shake(message):
+            for vector, deviation in ((message.linear_acceleration, 2.0), (message.angular_velocity, 0.1)):
+                vector.x, vector.y, vector.z = (value + random.normal(0.0, deviation)
+                                                for value in (vector.x, vector.y, vector.z))
+
+        estimate, truth, said = self.drive("corridor", 15, change=shake)
+        self.assertIn("vibration?", said)
+        self.assertNotIn("too few matches", said)
+        self.assertLess(ate_rmse(estimate, truth), 0.1)
 
 
 if __name__ == "__main__":

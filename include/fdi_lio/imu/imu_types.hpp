@@ -64,6 +64,9 @@ struct ImuStatistics {
   Eigen::Vector3d mean_angular_velocity = Eigen::Vector3d::Zero();
   double acceleration_std = 0.0;      ///< root of the summed variances of the three axes
   double angular_velocity_std = 0.0;  ///< root of the summed variances of the three axes
+  /// White noise of one axis, vibration included (NoiseMeter); 0 with too few readings.
+  double acceleration_noise = 0.0;      ///< [m/s^2/sqrt(Hz)]
+  double angular_velocity_noise = 0.0;  ///< [rad/s/sqrt(Hz)]
 };
 
 /// Preintegrated IMU between two stamps (Forster et al., TRO 2017), expressed in the IMU frame at `from`.

@@ -11,11 +11,12 @@ namespace fdi_lio::imu {
 /// Orientation with zero yaw that turns the mean specific force upwards. Identity without readings.
 Eigen::Quaterniond level_orientation(const ImuStatistics& statistics);
 
-/// Whether the readings are those of a sensor at rest: calm, and for the full `static_duration_s`. A smooth
-/// drive can look the same.
+/// Whether the readings are those of a sensor at rest, be it beside a running engine: calm, and for the full
+/// `static_duration_s`. A smooth drive can look the same.
 bool is_static(const ImuStatistics& statistics, const ImuConfig& config);
 
-/// Whether the readings scatter and turn as little as those of a sensor at rest.
+/// Whether the readings scatter and turn as little as those of a sensor at rest: by no more than
+/// `static_*_std` beyond what is white (ImuStatistics::acceleration_noise).
 bool is_calm(const ImuStatistics& statistics, const ImuConfig& config);
 
 /// Whether the readings last for `static_duration_s`, but for a tenth.

@@ -13,13 +13,19 @@ struct ImuNoise {
   double accel = 1e-2;            ///< [m/s^2/sqrt(Hz)]
   double gyro_bias_walk = 1e-4;   ///< [rad/s^2/sqrt(Hz)]
   double accel_bias_walk = 1e-3;  ///< [m/s^3/sqrt(Hz)]
+  double gyro_seen = 0.0;         ///< white noise that the readings show, without any margin [rad/s/sqrt(Hz)]
 };
 
 /// The walk of the accelerometer's bias holds `sensor.accel_model_walk` too: what scale factors, axes,
 /// mounting and clocks do to the acceleration changes with the motion, and a data sheet's bias walk knows
 /// nothing of it. Taken for constant, such errors are averaged into a bias and a direction of gravity that
-/// are both wrong by the same, and part at the next turn.
-ImuNoise noise_of(const SensorConfig& sensor);
+/// are both wrong by the same, and part at the next turn. White noise is three times what the readings
+/// show where that is more than the parameters say: an engine shakes the IMU by many times its data sheet,
+/// and not quite as white noise would.
+ImuNoise noise_of(const SensorConfig& sensor, const ImuStatistics& recent);
+
+/// Whether vibration drowns the readings: white noise of more than three times what the parameters say.
+bool is_shaken(const SensorConfig& sensor, const ImuStatistics& recent);
 
 /// Preintegrates readings over [from, to] (Forster et al., TRO 2017, eqs. 33-35, 63; midpoint rule).
 /// `samples` must be in time order; the first at or before `from` and the first at or after `to` are used for

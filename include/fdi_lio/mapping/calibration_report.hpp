@@ -6,18 +6,20 @@
 
 namespace fdi_lio::mapping {
 
-/// Says what the smoother found of the calibration of lidar against IMU where it is far from what the
-/// parameters state, and which values would fit: `mounting`, `time_offset`.
+/// Says what was found of the sensors where it is far from what the parameters state, and which values would
+/// fit: calibration of lidar against IMU by the smoother (`mounting`, `time_offset`), noise of the IMU by its
+/// readings (`imu_vibration`).
 class CalibrationReport {
  public:
   CalibrationReport(const SensorConfig& sensor, Reporter* reporter);
 
-  /// The estimate of each scan in turn.
-  void add(const imu::NavState& state);
+  /// The estimate of each scan in turn, and what the readings before it show.
+  void add(const imu::NavState& state, const imu::ImuStatistics& recent);
 
  private:
   void report_mounting(const imu::NavState& state);
   void report_time_offset(const imu::NavState& state);
+  void report_vibration(const imu::ImuStatistics& recent);
 
   SensorConfig sensor_;
   Reporter* reporter_;

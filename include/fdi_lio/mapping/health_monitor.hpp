@@ -38,6 +38,7 @@ class HealthMonitor {
   struct Prediction {
     Eigen::Isometry3d T_odom_imu = Eigen::Isometry3d::Identity();
     Matrix6d covariance = Matrix6d::Identity();
+    bool is_shaken = false;  ///< vibration drowns the readings: what they contradict says nothing
   };
 
   /// Takes what became of a matched scan, with the share of its features that found matches; no `prediction`
