@@ -34,7 +34,8 @@ const char* const kUsage =
     "usage: evaluate_moving_points --config FILE --bag FILE.bag [--set key=value]... [--start S] [--duration "
     "S]\n"
     "Runs a recording of simulate_bag through the system and compares the points that it removes as moving\n"
-    "with the truth in FILE.labels. Prints JSON: shares of moving points removed and of static points kept,\n"
+    "with the truth in FILE.labels. Prints JSON: shares of moving points removed and of static points kept\n"
+    "(over all, and for each 10 m of range),\n"
     "of the map's voxels that only moving points filled (ghosts), in the scans and\n"
     "in the map as it is saved, and of the others that are saved.\n"
     "Exit code: 0 done, 2 not possible as asked (the message says why).\n";
@@ -107,11 +108,13 @@ class Score {
     for (Point& point : output.scan.points) {
       const bool moving = is_moving.at(key_of(point));
       ++(moving ? moving_kept_ : static_kept_);
+      ++ring_of(point).of(moving).kept;
       point.intensity = moving ? kMoving : 0.0F;  // the keyframes' clouds then tell, in each voxel
     }
     for (std::size_t i = 0; i < output.scan.removed.size(); ++i) {
       const bool moving = is_moving.at(key_of(output.scan.removed[i]));
       ++(moving ? moving_removed_ : static_removed_);
+      ++ring_of(output.scan.removed[i]).of(moving).removed;
       ++by_reason_[static_cast<int>(output.scan.removal_reasons[i])][moving ? 1 : 0];
     }
     expected_.erase(expected_.begin(), std::next(entry));
@@ -146,11 +149,34 @@ class Score {
           << "}";
       separator = ", ";
     }
-    out << "}\n}\n";
+    out << "},\n  \"by_range\": [";
+    separator = "\n    ";
+    for (const auto& [begin_m, counts] : by_range_) {
+      const auto& [moving, fixed] = counts;
+      out << separator << "{\"from_m\": " << begin_m
+          << ", \"moving_points\": " << moving.kept + moving.removed
+          << ", \"moving_removed\": " << share(moving.removed, moving.kept)
+          << ", \"static_kept\": " << share(fixed.kept, fixed.removed) << "}";
+      separator = ",\n    ";
+    }
+    out << "]\n}\n";
   }
 
  private:
   static constexpr float kMoving = 1.0F;
+
+  struct Fate {
+    std::uint64_t kept = 0, removed = 0;
+  };
+  struct Fates {
+    Fate moving, fixed;
+    Fate& of(bool is_moving) { return is_moving ? moving : fixed; }
+  };
+
+  Fates& ring_of(const Point& point) {
+    constexpr int kWidth_m = 10;
+    return by_range_[static_cast<int>(point.position.norm()) / kWidth_m * kWidth_m];
+  }
 
   double voxel_m() const { return config_.mapping.output_map_voxel_m; }
 
@@ -167,6 +193,7 @@ class Score {
   fdi_lio::mapping::GlobalOptimizer map_;  ///< what is saved
   std::map<fdi_lio::Stamp, std::unordered_map<std::uint64_t, bool>> expected_;
   std::map<int, std::array<std::uint64_t, 2>> by_reason_;
+  std::map<int, Fates> by_range_;  ///< by the range in metres where a ring begins
   std::uint64_t moving_kept_ = 0, moving_removed_ = 0, static_kept_ = 0, static_removed_ = 0;
 };
 
