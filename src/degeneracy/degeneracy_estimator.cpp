@@ -25,7 +25,7 @@ DegeneracyEstimator::DegeneracyEstimator(const Config& config, Reporter* reporte
       weights_(config.degeneracy),
       classifier_(config.degeneracy) {}
 
-Degeneracy DegeneracyEstimator::estimate(const DeskewedScan& scan, const FeatureSet& /*features*/,
+Degeneracy DegeneracyEstimator::estimate(const DeskewedScan& scan,
                                          const std::optional<OptimisationStatus>& status) {
   Degeneracy result;
   result.stamp = scan.stamp;

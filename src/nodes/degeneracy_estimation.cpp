@@ -70,15 +70,13 @@ bool DegeneracyEstimation::process_front() {
   // A scan that this node never got (it was started in between) cannot be judged.
   if (!has_scan && scans_.empty() && waited_s < config().nodes.answer_timeout_s) return false;
   if (has_scan && previous_scan_ && !status_gate_->is_open(*previous_scan_, waited_s)) return false;
-  const FeaturesConstPtr features = features_.front();
   features_.pop_front();
   front_since_ = SteadyClock::now();
   if (!has_scan) return true;
   previous_scan_ = ros_bridge::to_stamp(stamp);
   try {
     const degeneracy::Degeneracy degeneracy =
-        estimator_->estimate(ros_bridge::to_scan(*scans_.front()), ros_bridge::to_features(*features),
-                             status_.before(*previous_scan_));
+        estimator_->estimate(ros_bridge::to_scan(*scans_.front()), status_.before(*previous_scan_));
     degeneracy_publisher_.publish(ros_bridge::to_message(degeneracy, config().frames.imu));
     if (markers_publisher_.getNumSubscribers() > 0)
       markers_publisher_.publish(ros_bridge::degeneracy_markers(degeneracy, config().frames.imu));

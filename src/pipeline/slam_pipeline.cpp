@@ -48,9 +48,9 @@ class SlamPipeline::Implementation {
     waiting_.reset();
     ScanOutput output;
     output.scan = scan_processor_.process(std::move(scan), estimator_.state(), imu_);
-    output.features = timer_.timed("features", [&] { return extractor_.extract(output.scan, previous_); });
-    output.degeneracy = timer_.timed(
-        "degeneracy", [&] { return degeneracy_.estimate(output.scan, output.features, status_); });
+    timer_.timed_together(
+        "features", [&] { output.features = extractor_.extract(output.scan, previous_); },  //
+        "degeneracy", [&] { output.degeneracy = degeneracy_.estimate(output.scan, status_); });
     const auto imu = timer_.timed("preintegration", [&] {
       return imu::preintegrate_scan_interval(imu_, estimator_.state(), std::nullopt, output.scan.stamp,
                                              config_);

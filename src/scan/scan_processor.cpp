@@ -31,11 +31,17 @@ DeskewedScan ScanProcessor::process(Scan scan, const std::optional<imu::NavState
   if (state && state->stamp == previous_stamp_)
     T_previous_lidar = (state->T_odom_imu() * T_imu_lidar).inverse() * T_odom_lidar;
   previous_stamp_ = scan.stamp;
-  timer_.timed("intensity", [&] { add_intensity(T_previous_lidar, &ordered); });
-  timer_.timed("dynamic", [&] {
-    if (state) dynamic_.correct_newest(state->stamp, state->T_odom_imu() * T_imu_lidar);
-    remove_points(dynamic_.classify(ordered, image_, T_odom_lidar), &ordered);
-  });
+  if (state) dynamic_.correct_newest(state->stamp, state->T_odom_imu() * T_imu_lidar);
+  std::vector<RemovalReason> moving;
+  const auto add_level_and_gradient = [&] { add_intensity(T_previous_lidar, &ordered); };
+  const auto find_moving = [&] { moving = dynamic_.classify(ordered, image_, T_odom_lidar); };
+  if (dynamic_.needs_gradient()) {
+    timer_.timed("intensity", add_level_and_gradient);
+    timer_.timed("dynamic", find_moving);
+  } else {
+    timer_.timed_together("intensity", add_level_and_gradient, "dynamic", find_moving);
+  }
+  remove_points(moving, &ordered);
   return ordered;
 }
 

@@ -11,7 +11,7 @@ namespace fdi_lio::degeneracy {
 namespace {
 
 Degeneracy first_estimate(const DeskewedScan& scan) {
-  return DegeneracyEstimator(Config{}, nullptr).estimate(scan, {}, {});
+  return DegeneracyEstimator(Config{}, nullptr).estimate(scan, {});
 }
 
 void expect_in_range(const Degeneracy& d) {
@@ -125,12 +125,12 @@ TEST(DegeneracyEstimator, KnowsTheShareOfMovingPointsOnlyWhereFreeSpaceWasLooked
   const double share = 600.0 / static_cast<double>(scan.points.size() + 1000);
   Config config;
   config.dynamic.mode = "full";
-  const Metrics full = DegeneracyEstimator(config, nullptr).estimate(scan, {}, {}).metrics;
+  const Metrics full = DegeneracyEstimator(config, nullptr).estimate(scan, {}).metrics;
   EXPECT_TRUE(full.has_moving_share);
   EXPECT_DOUBLE_EQ(full.moving_share, share);
   for (const char* mode : {"plain", "off"}) {
     config.dynamic.mode = mode;
-    EXPECT_FALSE(DegeneracyEstimator(config, nullptr).estimate(scan, {}, {}).metrics.has_moving_share);
+    EXPECT_FALSE(DegeneracyEstimator(config, nullptr).estimate(scan, {}).metrics.has_moving_share);
   }
 }
 
@@ -138,13 +138,13 @@ TEST(DegeneracyEstimator, TakesTheUncertaintyOfThePositionFromMapping) {
   const DeskewedScan scan = test::cast(test::BoxRoom{});
   OptimisationStatus status;
   status.position_sigma_m = 0.5;
-  const Degeneracy without = DegeneracyEstimator(Config{}, nullptr).estimate(scan, {}, {});
-  const Degeneracy with = DegeneracyEstimator(Config{}, nullptr).estimate(scan, {}, status);
+  const Degeneracy without = DegeneracyEstimator(Config{}, nullptr).estimate(scan, {});
+  const Degeneracy with = DegeneracyEstimator(Config{}, nullptr).estimate(scan, status);
   EXPECT_EQ(without.metrics.position_sigma_m, 0.0);
   EXPECT_EQ(with.metrics.position_sigma_m, 0.5);
   EXPECT_GT(with.fdi, without.fdi + 0.3);
   status.position_sigma_m = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(DegeneracyEstimator(Config{}, nullptr).estimate(scan, {}, status).fdi, without.fdi);
+  EXPECT_EQ(DegeneracyEstimator(Config{}, nullptr).estimate(scan, status).fdi, without.fdi);
 }
 
 TEST(DegeneracyEstimator, IsFiniteAndPessimisticForScansWithoutContent) {
@@ -174,7 +174,7 @@ TEST(DegeneracyEstimator, SurvivesBadNumbers) {
   scan.intensity_gradient.pop_back();
   scan.ring_begin.back() += 1000;  // beyond the points
   Reporter reporter;
-  const Degeneracy d = DegeneracyEstimator(Config{}, &reporter).estimate(scan, {}, {});
+  const Degeneracy d = DegeneracyEstimator(Config{}, &reporter).estimate(scan, {});
   expect_in_range(d);
   EXPECT_FALSE(d.metrics.has_gradient);
   EXPECT_EQ(reporter.notices().count("degeneracy.gradient_size"), 1U);
@@ -202,12 +202,12 @@ TEST(DegeneracyEstimator, TellsRoomPlaneAndRandomPointsApart) {
 TEST(DegeneracyEstimator, GivesTheSameBitsAgainAndAfterReset) {
   const DeskewedScan scan = test::cast(test::BoxRoom{});
   DegeneracyEstimator estimator(Config{}, nullptr);
-  const Degeneracy first = estimator.estimate(scan, {}, {});
+  const Degeneracy first = estimator.estimate(scan, {});
   DeskewedScan other = test::cast(test::EmptyPlane{});
   other.stamp = 2;
-  estimator.estimate(other, {}, {});
+  estimator.estimate(other, {});
   estimator.reset();
-  const Degeneracy again = estimator.estimate(scan, {}, {});
+  const Degeneracy again = estimator.estimate(scan, {});
   EXPECT_EQ(first.fdi, again.fdi);
   EXPECT_EQ(first.weights, again.weights);
   EXPECT_EQ(first.sub_factors, again.sub_factors);
@@ -219,10 +219,10 @@ TEST(DegeneracyEstimator, DoesNotCountARepeatedOrLateScan) {
   DegeneracyEstimator estimator(Config{}, &reporter);
   DeskewedScan scan = test::cast(test::EmptyPlane{});
   scan.stamp = 10;
-  const Degeneracy first = estimator.estimate(scan, {}, {});
-  const Degeneracy repeated = estimator.estimate(scan, {}, {});
+  const Degeneracy first = estimator.estimate(scan, {});
+  const Degeneracy repeated = estimator.estimate(scan, {});
   scan.stamp = 5;
-  const Degeneracy late = estimator.estimate(scan, {}, {});
+  const Degeneracy late = estimator.estimate(scan, {});
   EXPECT_EQ(first.weights, repeated.weights);
   EXPECT_EQ(first.weights, late.weights);
   EXPECT_EQ(late.stamp, 5);
@@ -234,11 +234,11 @@ TEST(DegeneracyEstimator, PassesOnDirectionsThatAreFinite) {
   DegeneracyEstimator estimator(Config{}, &reporter);
   OptimisationStatus status;
   status.localizability << 1.0, 1.0, 1.0, 1.0, 0.5, 1.2;
-  const Degeneracy d = estimator.estimate({}, {}, status);
+  const Degeneracy d = estimator.estimate({}, status);
   EXPECT_DOUBLE_EQ(d.localizability[4], 0.5);
   EXPECT_DOUBLE_EQ(d.localizability[5], 1.0);
   status.axes(0, 0) = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_TRUE(estimator.estimate({}, {}, status).axes.isIdentity());
+  EXPECT_TRUE(estimator.estimate({}, status).axes.isIdentity());
   EXPECT_EQ(reporter.notices().count("degeneracy.status_not_finite"), 1U);
 }
 

@@ -33,10 +33,9 @@ class DegeneracyEstimator {
  public:
   DegeneracyEstimator(const Config& config, Reporter* reporter);
 
-  /// Degeneracy of the scan that `features` and `scan` come from; `status` is that of the newest optimised
-  /// scan.
-  Degeneracy estimate(const DeskewedScan& scan, const FeatureSet& features,
-                      const std::optional<OptimisationStatus>& status);
+  /// Degeneracy of `scan`; `status` is that of the newest optimised scan. What became of the features of the
+  /// scan before is in the status.
+  Degeneracy estimate(const DeskewedScan& scan, const std::optional<OptimisationStatus>& status);
 
   void reset();
 

@@ -34,6 +34,9 @@ class DynamicFilter {
  public:
   explicit DynamicFilter(const DynamicConfig& config) : config_(config) {}
 
+  /// Whether `classify` looks at the scan's intensity gradient.
+  bool needs_gradient() const { return config_.mode == "plain"; }
+
   /// Reason for the removal of each point of `scan`, in its order. `T_odom_lidar` is the predicted pose.
   std::vector<RemovalReason> classify(const DeskewedScan& scan, const RangeImage& image,
                                       const Eigen::Isometry3d& T_odom_lidar);
