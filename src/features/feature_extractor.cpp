@@ -154,9 +154,12 @@ void select_textures(const Ring& ring, const RingScratch& scratch, const Feature
       candidates.push_back(i);
   }
   if (candidates.size() > context.texture_quota) {
-    std::stable_sort(candidates.begin(), candidates.end(), [&scratch](std::uint32_t a, std::uint32_t b) {
-      return scratch.score[a] > scratch.score[b];
-    });
+    // Of equal scores the first ones.
+    const auto is_better = [&scratch](std::uint32_t a, std::uint32_t b) {
+      return scratch.score[a] != scratch.score[b] ? scratch.score[a] > scratch.score[b] : a < b;
+    };
+    std::nth_element(candidates.begin(), candidates.begin() + context.texture_quota, candidates.end(),
+                     is_better);
     candidates.resize(context.texture_quota);
     std::sort(candidates.begin(), candidates.end());
   }

@@ -38,15 +38,14 @@ Eigen::Vector3d BeamCorrection::v_lidar(const imu::NavState& state) const {
   return T_imu_lidar_.linear().transpose() * (v_imu + state.w_imu.cross(T_imu_lidar_.translation()));
 }
 
-FeatureSet BeamCorrection::apply(const FeatureSet& features, const imu::NavState& state) const {
-  FeatureSet corrected = features;
+FeatureSet BeamCorrection::apply(FeatureSet features, const imu::NavState& state) const {
   const Eigen::Vector3d velocity = v_lidar(state);
-  for (std::vector<Point>* points : {&corrected.planes, &corrected.edges, &corrected.intensity_edges}) {
+  for (std::vector<Point>* points : {&features.planes, &features.edges, &features.intensity_edges}) {
     for (Point& point : *points) {
       point.position += beams_.correction(point.ring, beam_of(point, velocity)).cast<float>();
     }
   }
-  return corrected;
+  return features;
 }
 
 void BeamCorrection::learn(const FeatureSet& corrected, const imu::NavState& state,

@@ -80,7 +80,7 @@ class Estimator::Implementation {
         beams_(config) {}
 
   /// `is_reviewed`: what is estimated may yet be revised, and is no keyframe.
-  std::optional<EstimateResult> add(const EstimatorInput& input, bool is_reviewed);
+  std::optional<EstimateResult> add(EstimatorInput input, bool is_reviewed);
 
   /// The velocity in `odom` of the first scan. Only before it.
   void begin_moving(const MovingStart& motion) { moving_start_ = motion; }
@@ -102,7 +102,8 @@ class Estimator::Implementation {
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void search_motion(const std::optional<imu::Preintegration>& imu, FeatureSet* features);
-  FeatureSet deskewed_anew(const EstimatorInput& input, imu::NavState state) const;
+  FeatureSet deskewed_anew(const FeatureSet& features, const Eigen::Vector3d& v_deskew,
+                           imu::NavState state) const;
   LidarInformation optimise(const MatchInput& input, bool is_shaken, EstimateResult* result);
   void begin_map_anew(const EstimateResult& result, const Matrix15d& covariance);
   void adopt_imu(const std::optional<ImuStart::Found>& found);
@@ -319,12 +320,14 @@ bool Estimator::Implementation::decide_keyframe(bool is_reviewed) {
 }
 
 /// At a start that was revised, the features were deskewed with another velocity than that of `state`.
-FeatureSet Estimator::Implementation::deskewed_anew(const EstimatorInput& input, imu::NavState state) const {
-  state.v_odom -= input.v_deskew;
-  return moved_while_scanned(input.features, state, T_imu_lidar_);
+FeatureSet Estimator::Implementation::deskewed_anew(const FeatureSet& features,
+                                                    const Eigen::Vector3d& v_deskew,
+                                                    imu::NavState state) const {
+  state.v_odom -= v_deskew;
+  return moved_while_scanned(features, state, T_imu_lidar_);
 }
 
-std::optional<EstimateResult> Estimator::Implementation::add(const EstimatorInput& input, bool is_reviewed) {
+std::optional<EstimateResult> Estimator::Implementation::add(EstimatorInput input, bool is_reviewed) {
   const degeneracy::Degeneracy& degeneracy = input.degeneracy;
   const std::optional<imu::Preintegration>& imu = input.imu;
   if (!smoother_.empty() && input.features.stamp <= smoother_.newest().stamp) {
@@ -334,17 +337,17 @@ std::optional<EstimateResult> Estimator::Implementation::add(const EstimatorInpu
   }
   adapted_ = adapt(config_.adaptation, config_.mapping, degeneracy);
   EstimateResult result;
-  FeatureSet features = input.features;
+  FeatureSet features = std::move(input.features);
   double radius_m = 0.0;
   if (smoother_.empty()) {
     start(features, imu);
-    if (moving_start_) features = deskewed_anew(input, smoother_.newest());
+    if (moving_start_) features = deskewed_anew(features, input.v_deskew, smoother_.newest());
   } else {
     before_ = smoother_.newest();
     predict(features, imu);
     if (first_) search_motion(imu, &features);
-    if (moving_start_ && is_reviewed) features = deskewed_anew(input, smoother_.newest());
-    if (config_.mapping.calibrate_beams) features = beams_.apply(features, smoother_.newest());
+    if (moving_start_ && is_reviewed) features = deskewed_anew(features, input.v_deskew, smoother_.newest());
+    if (config_.mapping.calibrate_beams) features = beams_.apply(std::move(features), smoother_.newest());
     const bool is_shaken = imu && imu::is_shaken(config_.sensor, imu->recent);
     const LidarInformation information =
         optimise(make_match_input(features, config_.mapping, T_imu_lidar_, adapted_.feature_voxel_m),
@@ -432,8 +435,9 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
   input.degeneracy = degeneracy;
   input.imu = imu;
   if (const auto before = state()) input.v_deskew = before->v_odom;
-  std::optional<EstimateResult> result = implementation_->add(input, review_.has_value());
-  if (!result || !review_) return result;
+  if (!review_) return implementation_->add(std::move(input), false);
+  std::optional<EstimateResult> result = implementation_->add(input, true);
+  if (!result) return result;
   if (result->state.imu_status != imu::ImuStatus::kInitialised) {
     review_->add(std::move(input), result->state);
     const bool has_witness = implementation_->has_found_motion();

@@ -2,7 +2,8 @@
 
 #include <cmath>
 #include <cstdint>
-#include <unordered_set>
+
+#include "fdi_lio/common/key_index.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -11,15 +12,14 @@ namespace {
 /// The first point of each voxel, in the order of the input.
 std::vector<Eigen::Vector3d> downsample(const std::vector<Eigen::Vector3d>& points, double voxel_m) {
   std::vector<Eigen::Vector3d> kept;
-  std::unordered_set<std::uint64_t> seen;
-  seen.reserve(points.size());
+  KeyIndex seen;
   for (const Eigen::Vector3d& point : points) {
     std::uint64_t key = 0;
     for (int axis = 0; axis < 3; ++axis) {
       const auto cell = static_cast<std::int64_t>(std::floor(point[axis] / voxel_m));
       key = (key << 21) | (static_cast<std::uint64_t>(cell) & 0x1fffff);
     }
-    if (seen.insert(key).second) kept.push_back(point);
+    if (seen.find_or_add(key) == kept.size()) kept.push_back(point);
   }
   return kept;
 }

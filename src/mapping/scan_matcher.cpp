@@ -1,10 +1,11 @@
 #include "fdi_lio/mapping/scan_matcher.hpp"
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <optional>
-#include <unordered_map>
 
+#include "fdi_lio/common/key_index.hpp"
 #include "fdi_lio/common/parallel.hpp"
 
 namespace fdi_lio::mapping {
@@ -126,10 +127,15 @@ class Residuals {
 
   Eigen::Vector3d in_map(const Eigen::Vector3d& p_imu) const { return R_ * p_imu + t_; }
 
-  /// Sums the residuals that `add(i, sum)` adds for each feature, in an order that no number of threads
+  /// Calls `use(i, cell, chunk)` for each of some features (body frame) that `find(points, count, cells)`
+  /// finds a cell for, given their places in the map; chunks side by side.
+  template <typename Find, typename Use>
+  void for_each_match(const std::vector<Eigen::Vector3d>& features, const Find& find, const Use& use) const;
+
+  /// Sums the residuals that `add(i, cell, sum)` adds for each match, in an order that no number of threads
   /// changes.
-  template <typename Add>
-  static Sum sum_up(std::size_t count, const Add& add);
+  template <typename Find, typename Add>
+  Sum sum_up(const std::vector<Eigen::Vector3d>& features, const Find& find, const Add& add) const;
 
   LidarInformation finish(const Eigen::Quaterniond& q_odom_imu, const Sum& sum) const;
 
@@ -225,12 +231,25 @@ void Residuals::add_to_patch(const Eigen::Vector3d& p_imu, const Residual& resid
   patch->add(1.0 / residual.variance, residual.value, jacobian(p_imu, residual.gradient));
 }
 
-template <typename Add>
-Sum Residuals::sum_up(std::size_t count, const Add& add) {
-  std::vector<Sum> sums((count + kChunk - 1) / kChunk);
-  parallel_chunks(count, kChunk, [&](std::size_t begin, std::size_t end, std::size_t chunk) {
-    for (std::size_t i = begin; i < end; ++i) add(i, &sums[chunk]);
+template <typename Find, typename Use>
+void Residuals::for_each_match(const std::vector<Eigen::Vector3d>& features, const Find& find,
+                               const Use& use) const {
+  parallel_chunks(features.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t chunk) {
+    std::vector<Eigen::Vector3d> places(end - begin);
+    std::array<const Cell*, kChunk> cells{};
+    for (std::size_t i = begin; i < end; ++i) places[i - begin] = in_map(features[i]);
+    find(places.data(), end - begin, cells.data());
+    for (std::size_t i = begin; i < end; ++i) {
+      if (cells[i - begin] != nullptr) use(i, *cells[i - begin], chunk);
+    }
   });
+}
+
+template <typename Find, typename Add>
+Sum Residuals::sum_up(const std::vector<Eigen::Vector3d>& features, const Find& find, const Add& add) const {
+  std::vector<Sum> sums((features.size() + kChunk - 1) / kChunk);
+  for_each_match(features, find,
+                 [&](std::size_t i, const Cell& cell, std::size_t chunk) { add(i, cell, &sums[chunk]); });
   Sum total;
   for (const Sum& sum : sums) total += sum;
   return total;
@@ -266,21 +285,22 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const VoxelMap&
                        double weight, Sum* part) {
     if (std::abs(residual.value) <= settings.max_residual_m) residuals.add(p, cell, residual, weight, part);
   };
-  Sum sum = Residuals::sum_up(input.planes.size(), [&](std::size_t i, Sum* part) {
+  const auto find_planes = [&](const Eigen::Vector3d* points, std::size_t count, const Cell** cells) {
+    plane_map.find_planes(points, count, settings.wide, cells);
+  };
+  const auto find_lines = [&](const Eigen::Vector3d* points, std::size_t count, const Cell** cells) {
+    edge_map.find_lines(points, count, cells);
+  };
+  Sum sum = residuals.sum_up(input.planes, find_planes, [&](std::size_t i, const Cell& cell, Sum* part) {
     const Eigen::Vector3d& p = input.planes[i];
-    const Cell* cell = plane_map.find_plane(residuals.in_map(p), settings.wide);
-    if (cell == nullptr) return;
     const double trust = input.plane_trust.empty() ? 1.0 : input.plane_trust[i];
-    add(p, *cell, residuals.distance(p, *cell, 0, 1), settings.plane_weight * trust, part);
+    add(p, cell, residuals.distance(p, cell, 0, 1), settings.plane_weight * trust, part);
   });
   const std::size_t planes = sum.count;
-  sum += Residuals::sum_up(input.edges.size(), [&](std::size_t i, Sum* part) {
+  sum += residuals.sum_up(input.edges, find_lines, [&](std::size_t i, const Cell& cell, Sum* part) {
     const Eigen::Vector3d& p = input.edges[i];
-    const Cell* cell = edge_map.find_line(residuals.in_map(p));
-    if (cell == nullptr) return;
-    for (int axis = 0; axis < 2; ++axis) {
-      add(p, *cell, residuals.distance(p, *cell, axis, 2), settings.edge_weight, part);
-    }
+    for (int axis = 0; axis < 2; ++axis)
+      add(p, cell, residuals.distance(p, cell, axis, 2), settings.edge_weight, part);
   });
   LidarInformation information = residuals.finish(q_odom_imu, sum);
   information.planes = planes;
@@ -295,28 +315,31 @@ std::vector<float> ScanMatcher::trust_planes(const MatchInput& input, const Voxe
   const MatchSettings settings;
   const Residuals residuals(config_, input.origin, q_odom_imu, t_odom_imu, settings);
   std::vector<std::optional<Residuals::Residual>> found(input.planes.size());
-  parallel_chunks(found.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const Eigen::Vector3d& p = input.planes[i];
-      const Cell* cell = plane_map.find_plane(residuals.in_map(p), false);
-      if (cell == nullptr) continue;
-      const Residuals::Residual residual = residuals.distance(p, *cell, 0, 1);
-      if (std::abs(residual.value) <= config_.mapping.max_residual_m) found[i] = residual;
-    }
+  const auto find = [&](const Eigen::Vector3d* points, std::size_t count, const Cell** cells) {
+    plane_map.find_planes(points, count, false, cells);
+  };
+  residuals.for_each_match(input.planes, find, [&](std::size_t i, const Cell& cell, std::size_t) {
+    const Residuals::Residual residual = residuals.distance(input.planes[i], cell, 0, 1);
+    if (std::abs(residual.value) <= config_.mapping.max_residual_m) found[i] = residual;
   });
-  std::unordered_map<std::uint64_t, Patch> patches;
-  std::vector<const Patch*> patch_of(input.planes.size(), nullptr);
+  KeyIndex numbers;
+  std::vector<Patch> patches;
+  std::vector<std::uint32_t> patch_of(input.planes.size(), KeyIndex::kNone);
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (!found[i]) continue;
-    Patch& patch = patches[patch_key(input.planes[i], found[i]->gradient)];
-    residuals.add_to_patch(input.planes[i], *found[i], &patch);
-    patch_of[i] = &patch;
+    patch_of[i] = numbers.find_or_add(patch_key(input.planes[i], found[i]->gradient));
+    if (patch_of[i] == patches.size()) patches.emplace_back();
+    residuals.add_to_patch(input.planes[i], *found[i], &patches[patch_of[i]]);
+  }
+  std::vector<float> trust_of_patch;
+  trust_of_patch.reserve(patches.size());
+  for (const Patch& patch : patches) {
+    trust_of_patch.push_back(static_cast<float>(
+        patch.trust(covariance, config_.mapping.correlation_factor, residuals.patch_floor_variance())));
   }
   std::vector<float> trust(input.planes.size(), 1.0F);
   for (std::size_t i = 0; i < trust.size(); ++i) {
-    if (patch_of[i] == nullptr) continue;
-    trust[i] = static_cast<float>(
-        patch_of[i]->trust(covariance, config_.mapping.correlation_factor, residuals.patch_floor_variance()));
+    if (patch_of[i] != KeyIndex::kNone) trust[i] = trust_of_patch[patch_of[i]];
   }
   return trust;
 }
@@ -326,11 +349,12 @@ LidarInformation ScanMatcher::linearise_textures(const MatchInput& input, const 
                                                  const Eigen::Vector3d& t_odom_imu,
                                                  const MatchSettings& settings) const {
   const Residuals residuals(config_, input.origin, q_odom_imu, t_odom_imu, settings);
-  const Sum sum = Residuals::sum_up(input.textures.size(), [&](std::size_t i, Sum* part) {
+  const auto find = [&](const Eigen::Vector3d* points, std::size_t count, const Cell** cells) {
+    texture_map.find_textures(points, count, cells);
+  };
+  const Sum sum = residuals.sum_up(input.textures, find, [&](std::size_t i, const Cell& cell, Sum* part) {
     const Eigen::Vector3d& p = input.textures[i];
-    const Cell* cell = texture_map.find_texture(residuals.in_map(p));
-    if (cell == nullptr) return;
-    residuals.add(p, *cell, residuals.intensity(p, input.levels[i], *cell), settings.intensity_weight, part);
+    residuals.add(p, cell, residuals.intensity(p, input.levels[i], cell), settings.intensity_weight, part);
   });
   LidarInformation information = residuals.finish(q_odom_imu, sum);
   information.textures = sum.count;

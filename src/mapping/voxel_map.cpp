@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::int64_t kKeyOffset = 1 << 20;  ///< 21 bits a coordinate: +-1 million blocks
 constexpr std::uint32_t kRememberedScans = 600;
-/// Points that are inserted side by side: memory is asked for before it is needed.
+/// Points that are inserted, or looked up, side by side: memory is asked for before it is needed.
 constexpr std::size_t kGroup = 16;
 /// The axes are computed again when the points have grown by this share: they change little in between.
 constexpr double kGrowth = 1.25;
@@ -201,21 +201,40 @@ void VoxelMap::update_axes(double size_m, CellReference* reference) {
                                         (is_textured ? CellReference::kTexture : 0U));
 }
 
-const Cell* VoxelMap::find_finest(const Eigen::Vector3d& point, CellReference::Kind kind) const {
-  const Address address = address_of(point);
-  const std::uint32_t number = index_.find(address.key);
-  if (number == KeyIndex::kNone) return nullptr;
-  for (int level = 2; level >= 0; --level) {
-    const CellReference reference = blocks_[number].cells[address.slots[level]];
-    if (reference.is(kind)) return &cells_[reference.cell()];
+void VoxelMap::find_finest(const Eigen::Vector3d* points, std::size_t count, CellReference::Kind kind,
+                           const Cell** cells) const {
+  std::array<Address, kGroup> addresses;
+  std::array<const Block*, kGroup> blocks{};
+  for (std::size_t first = 0; first < count; first += kGroup) {
+    const std::size_t size = std::min(kGroup, count - first);
+    for (std::size_t k = 0; k < size; ++k) {
+      addresses[k] = address_of(points[first + k]);
+      index_.prefetch(addresses[k].key);
+    }
+    for (std::size_t k = 0; k < size; ++k) {
+      const std::uint32_t number = index_.find(addresses[k].key);
+      blocks[k] = number == KeyIndex::kNone ? nullptr : &blocks_[number];
+      if (blocks[k] == nullptr) continue;
+      for (const int slot : addresses[k].slots) __builtin_prefetch(&blocks[k]->cells[slot]);
+    }
+    for (std::size_t k = 0; k < size; ++k) {
+      const Cell*& cell = cells[first + k];
+      cell = nullptr;
+      if (blocks[k] == nullptr) continue;
+      for (int level = 2; level >= 0 && cell == nullptr; --level) {
+        const CellReference reference = blocks[k]->cells[addresses[k].slots[level]];
+        if (reference.is(kind)) cell = &cells_[reference.cell()];
+      }
+      if (cell == nullptr) continue;
+      __builtin_prefetch(&cell->mean);
+      __builtin_prefetch(&cell->variances);
+      __builtin_prefetch(&cell->axes(0, 1));
+      if (kind == CellReference::kTexture) __builtin_prefetch(&cell->intensity_gradient);
+    }
   }
-  return nullptr;
 }
 
-const Cell* VoxelMap::find_plane(const Eigen::Vector3d& point, bool wide) const {
-  const Cell* around = find_finest(point, CellReference::kPlane);
-  if (around != nullptr) return around;
-  if (!wide) return nullptr;
+const Cell* VoxelMap::find_wide_plane(const Eigen::Vector3d& point) const {
   const Cell* nearest = nullptr;
   double nearest_sq = std::numeric_limits<double>::max();
   for (int neighbour = 0; neighbour < 27; ++neighbour) {
@@ -231,12 +250,27 @@ const Cell* VoxelMap::find_plane(const Eigen::Vector3d& point, bool wide) const 
   return nearest;
 }
 
-const Cell* VoxelMap::find_line(const Eigen::Vector3d& point) const {
-  return find_finest(point, CellReference::kLine);
+void VoxelMap::find_planes(const Eigen::Vector3d* points, std::size_t count, bool wide,
+                           const Cell** cells) const {
+  find_finest(points, count, CellReference::kPlane, cells);
+  if (!wide) return;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (cells[i] == nullptr) cells[i] = find_wide_plane(points[i]);
+  }
 }
 
-const Cell* VoxelMap::find_texture(const Eigen::Vector3d& point) const {
-  return find_finest(point, CellReference::kTexture);
+void VoxelMap::find_lines(const Eigen::Vector3d* points, std::size_t count, const Cell** cells) const {
+  find_finest(points, count, CellReference::kLine, cells);
+}
+
+void VoxelMap::find_textures(const Eigen::Vector3d* points, std::size_t count, const Cell** cells) const {
+  find_finest(points, count, CellReference::kTexture, cells);
+}
+
+const Cell* VoxelMap::find_plane(const Eigen::Vector3d& point, bool wide) const {
+  const Cell* cell = nullptr;
+  find_planes(&point, 1, wide, &cell);
+  return cell;
 }
 
 bool VoxelMap::is_forgotten(const Cell& cell) const {

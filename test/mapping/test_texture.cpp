@@ -11,6 +11,12 @@
 namespace fdi_lio::mapping {
 namespace {
 
+const Cell* texture_at(const VoxelMap& map, const Eigen::Vector3d& point) {
+  const Cell* cell = nullptr;
+  map.find_textures(&point, 1, &cell);
+  return cell;
+}
+
 using Paint = std::function<double(const Eigen::Vector3d&)>;
 
 VoxelMapConfig texture_config() {
@@ -59,7 +65,7 @@ class Wall {
     int count = 0;
     for (int k = 0; k < 256; ++k) {
       const Eigen::Vector3d p(0.2, 0.1 + 0.25 * (k % 16), 0.1 + 0.25 * (k / 16));
-      if (textures_.find_texture(p) != nullptr) ++count;
+      if (texture_at(textures_, p) != nullptr) ++count;
     }
     return count;
   }
@@ -86,7 +92,7 @@ TEST(Texture, GradientOfARampIsRecovered) {
   Eigen::Vector3d mean_gradient = Eigen::Vector3d::Zero();
   for (double y = 0.2; y < 4.0; y += 0.4) {
     for (double z = 0.2; z < 4.0; z += 0.4) {
-      const Cell* cell = wall.textures().find_texture(Eigen::Vector3d(0.2, y, z));
+      const Cell* cell = texture_at(wall.textures(), Eigen::Vector3d(0.2, y, z));
       ASSERT_NE(cell, nullptr);
       ++looked_at;
       mean_gradient += cell->intensity_gradient / 100.0;
@@ -129,11 +135,11 @@ TEST(Texture, CellThatIsFullAfterOneScanHasItsTextureAfterThree) {
   }
   const Eigen::Vector3d middle(0.2, 0.2, 0.2);
   for (int scan = 1; scan <= 3; ++scan) {
-    EXPECT_EQ(map.find_texture(middle), nullptr) << "before scan " << scan;
+    EXPECT_EQ(texture_at(map, middle), nullptr) << "before scan " << scan;
     map.insert(points, levels);
     EXPECT_EQ(map.find_plane(middle, false)->count, VoxelMapConfig().max_points);
   }
-  const Cell* cell = map.find_texture(middle);
+  const Cell* cell = texture_at(map, middle);
   ASSERT_NE(cell, nullptr);
   EXPECT_LT((cell->intensity_gradient - kRamp).norm(), 0.05 * kRamp.norm());
 }
@@ -150,7 +156,7 @@ TEST(Texture, MapWithoutTextureFindsNone) {
     map.insert(points, levels);
   }
   EXPECT_NE(map.find_plane(Eigen::Vector3d(0.2, 0.2, 0.2), false), nullptr);
-  EXPECT_EQ(map.find_texture(Eigen::Vector3d(0.2, 0.2, 0.2)), nullptr);
+  EXPECT_EQ(texture_at(map, Eigen::Vector3d(0.2, 0.2, 0.2)), nullptr);
 }
 
 /// With a linear kernel and no shared errors the cost of one residual is r^2 / (2 variance).
@@ -175,7 +181,7 @@ TEST(Texture, CostHasTheNumericDerivatives) {
     one.levels = {all.levels[i]};
     const LidarInformation information =
         matcher.linearise_textures(one, wall.textures(), q, t, MatchSettings());
-    const Cell* cell = wall.textures().find_texture(q * one.textures[0] + t);
+    const Cell* cell = texture_at(wall.textures(), q * one.textures[0] + t);
     if (cell == nullptr) continue;
     ASSERT_EQ(information.textures, 1U);
     const auto in_map = [&](const Vector6d& d) {

@@ -71,9 +71,34 @@ TEST(VoxelMap, ALineIsALineAndNoPlane) {
   for (int k = 0; k < 60; ++k) pole.emplace_back(0.8 + normal(generator), 0.8 + normal(generator), 0.025 * k);
   insert(pole, &map);
   EXPECT_EQ(map.find_plane(Eigen::Vector3d(0.8, 0.8, 0.8), false), nullptr);
-  const Cell* cell = map.find_line(Eigen::Vector3d(0.8, 0.8, 0.8));
+  const Eigen::Vector3d middle(0.8, 0.8, 0.8);
+  const Cell* cell = nullptr;
+  map.find_lines(&middle, 1, &cell);
   ASSERT_NE(cell, nullptr);
   EXPECT_GT(std::abs(cell->axes(2, 2)), 0.99);
+}
+
+/// Any number of points, with cells and without, one after the other.
+TEST(VoxelMap, FindsManyAtOnceAsOneByOne) {
+  VoxelMap map(VoxelMapConfig{});
+  insert(plane_points(2000, Eigen::Vector3d(0.2, 0.2, 0.2), Eigen::Matrix3d::Identity(), 2.0, 0.01), &map);
+  std::mt19937 generator(7);
+  std::uniform_real_distribution<double> uniform(-4.0, 4.0);
+  std::vector<Eigen::Vector3d> points;
+  for (int k = 0; k < 1003; ++k)
+    points.emplace_back(uniform(generator), uniform(generator), 0.1 * uniform(generator));
+  for (const bool wide : {false, true}) {
+    const Cell none;
+    std::vector<const Cell*> cells(points.size(), &none);
+    map.find_planes(points.data(), points.size(), wide, cells.data());
+    std::size_t found = 0;
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      ASSERT_EQ(cells[k], map.find_plane(points[k], wide)) << "point " << k;
+      if (cells[k] != nullptr) ++found;
+    }
+    EXPECT_GT(found, 100U);
+    EXPECT_LT(found, points.size()) << "wide: " << wide;
+  }
 }
 
 TEST(VoxelMap, StopsAveragingAtTheLimit) {

@@ -19,7 +19,7 @@ class BeamCorrection {
 
   /// The features (lidar frame) of a scan with the errors known so far taken out; `state` is that at the
   /// scan's reference stamp, or its prediction.
-  FeatureSet apply(const FeatureSet& features, const imu::NavState& state) const;
+  FeatureSet apply(FeatureSet features, const imu::NavState& state) const;
 
   /// From now on `error_rad` more is taken out of the elevation of all beams.
   void add_common_elevation(double error_rad) { beams_.add_common_elevation(error_rad); }

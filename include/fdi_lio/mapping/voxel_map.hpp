@@ -87,15 +87,20 @@ class VoxelMap {
   /// Adds points (map frame) with their intensities (same size).
   void insert(const std::vector<Eigen::Vector3d>& points, const std::vector<float>& intensities);
 
-  /// The finest cell around `point` that is a plane; nullptr when there is none. With `wide` also the planes
-  /// of the neighbouring coarsest cells, the nearest to the point.
+  /// The finest cell around each of `count` points that is a plane; nullptr where there is none. With `wide`
+  /// also the planes of the neighbouring coarsest cells, the nearest to the point. Many at once wait for
+  /// memory together.
+  void find_planes(const Eigen::Vector3d* points, std::size_t count, bool wide, const Cell** cells) const;
+
+  /// The finest cell around each of `count` points that is a line; nullptr where there is none.
+  void find_lines(const Eigen::Vector3d* points, std::size_t count, const Cell** cells) const;
+
+  /// The finest cell around each of `count` points that has an intensity gradient; nullptr where there is
+  /// none.
+  void find_textures(const Eigen::Vector3d* points, std::size_t count, const Cell** cells) const;
+
+  /// `find_planes` of one point.
   const Cell* find_plane(const Eigen::Vector3d& point, bool wide) const;
-
-  /// The finest cell around `point` that is a line; nullptr when there is none.
-  const Cell* find_line(const Eigen::Vector3d& point) const;
-
-  /// The finest cell around `point` that has an intensity gradient; nullptr when there is none.
-  const Cell* find_texture(const Eigen::Vector3d& point) const;
 
   /// Forgets blocks that are farther than `radius_m` from `center`, and cells that 600 insertions ago had too
   /// few points to be used and have got none since: of moving objects, noise and far surfaces there are
@@ -148,7 +153,9 @@ class VoxelMap {
   void update_axes(double size_m, CellReference* reference);
   bool is_forgotten(const Cell& cell) const;
   bool has_left(const Block& block, const Eigen::Vector3d& center, double radius_m) const;
-  const Cell* find_finest(const Eigen::Vector3d& point, CellReference::Kind kind) const;
+  void find_finest(const Eigen::Vector3d* points, std::size_t count, CellReference::Kind kind,
+                   const Cell** cells) const;
+  const Cell* find_wide_plane(const Eigen::Vector3d& point) const;
 
   VoxelMapConfig config_;
   double block_size_m_;
