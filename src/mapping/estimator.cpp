@@ -1,10 +1,13 @@
 #include "fdi_lio/mapping/estimator.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <iomanip>
 #include <sstream>
 #include <utility>
+
+#include <tbb/task_group.h>
 
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/imu/initialisation.hpp"
@@ -64,9 +67,10 @@ double common_elevation_sigma(const FeatureSet& features, double sigma_rad) {
 
 class Estimator::Implementation {
  public:
-  Implementation(const Config& config, Reporter* reporter)
+  Implementation(const Config& config, Reporter* reporter, const StageTimer& timer)
       : config_(config),
         reporter_(reporter),
+        timer_(timer),
         T_imu_lidar_(config.sensor.T_imu_lidar()),
         registration_(config, reporter),
         smoother_(config.mapping.window_size, config.sensor.gravity_mps2, calibration_sigma(config),
@@ -78,6 +82,9 @@ class Estimator::Implementation {
         candidate_(config),
         imu_start_(config, reporter),
         beams_(config) {}
+  ~Implementation() { learning_.wait(); }
+  Implementation(const Implementation&) = delete;
+  Implementation& operator=(const Implementation&) = delete;
 
   /// `is_reviewed`: what is estimated may yet be revised, and is no keyframe.
   std::optional<EstimateResult> add(EstimatorInput input, bool is_reviewed);
@@ -95,8 +102,14 @@ class Estimator::Implementation {
     return smoother_.newest();
   }
 
-  std::vector<Point> local_map() const { return map_.points(); }
-  std::size_t map_voxel_count() const { return map_.cell_count(); }
+  std::vector<Point> local_map() {
+    learning_.wait();
+    return map_.points();
+  }
+  std::size_t map_voxel_count() {
+    learning_.wait();
+    return map_.cell_count();
+  }
 
  private:
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
@@ -109,11 +122,13 @@ class Estimator::Implementation {
   void adopt_imu(const std::optional<ImuStart::Found>& found);
   void start_smoother(const imu::NavState& state, Smoother::InitialSigma sigma);
   Eigen::Vector3d bend_to(const imu::NavState& predicted) const;
-  void take_out_beam_elevation();
+  double take_out_beam_elevation();
+  void learn(FeatureSet features, const EstimateResult& result);
   bool decide_keyframe(bool is_reviewed);
 
   Config config_;
   Reporter* reporter_;
+  StageTimer timer_;
   Eigen::Isometry3d T_imu_lidar_;
   Registration registration_;
   Smoother smoother_;
@@ -139,6 +154,10 @@ class Estimator::Implementation {
   Eigen::Isometry3d T_odom_first_ = Eigen::Isometry3d::Identity();
   bool has_keyframe_ = false;
   Eigen::Isometry3d T_odom_keyframe_ = Eigen::Isometry3d::Identity();
+  double learning_ms_ = 0.0;
+  /// What the newest scan gives the map and the beams, which the next one needs: it goes on while that one is
+  /// prepared. Last: it uses what is above.
+  tbb::task_group learning_;
 };
 
 void Estimator::Implementation::start(const FeatureSet& features,
@@ -296,13 +315,31 @@ Eigen::Vector3d Estimator::Implementation::bend_to(const imu::NavState& predicte
   return map_bend(T_imu_lidar_.linear().col(2), step_m, radius_m_);
 }
 
-/// Not at once: what is known of it still changes, and the map was made without.
-void Estimator::Implementation::take_out_beam_elevation() {
+/// The part of the common elevation that the beams have to take over. Not all at once: what is known of it
+/// still changes, and the map was made without.
+double Estimator::Implementation::take_out_beam_elevation() {
   const imu::NavState& newest = smoother_.newest();
   const double way_m = (newest.t_odom_imu - before_.t_odom_imu).norm();
   const double part = std::min(1.0, way_m / kElevationWay) * newest.beam_elevation;
-  beams_.add_common_elevation(part);
   smoother_.reduce_beam_elevation(part);
+  return part;
+}
+
+void Estimator::Implementation::learn(FeatureSet features, const EstimateResult& result) {
+  const bool is_settled = result.is_healthy && result.state.imu_status == imu::ImuStatus::kInitialised;
+  const bool teaches_beams = config_.mapping.calibrate_beams && is_settled;
+  const double elevation = teaches_beams ? take_out_beam_elevation() : 0.0;
+  const bool enters_map = result.is_healthy || map_.empty();
+  learning_.run([=, state = result.state, features = std::move(features)] {
+    const auto begin = std::chrono::steady_clock::now();
+    if (teaches_beams) {
+      beams_.learn(features, state, map_.planes());
+      beams_.add_common_elevation(elevation);
+    }
+    if (enters_map) map_.insert(features, state.T_odom_imu(), T_imu_lidar_);
+    learning_ms_ =
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+  });
 }
 
 bool Estimator::Implementation::decide_keyframe(bool is_reviewed) {
@@ -335,6 +372,8 @@ std::optional<EstimateResult> Estimator::Implementation::add(EstimatorInput inpu
                       "a scan whose stamp does not follow the one before was dropped");
     return std::nullopt;
   }
+  learning_.wait();
+  if (scan_count_ > 0) timer_.note("learning", learning_ms_);
   adapted_ = adapt(config_.adaptation, config_.mapping, degeneracy);
   EstimateResult result;
   FeatureSet features = std::move(input.features);
@@ -397,11 +436,6 @@ std::optional<EstimateResult> Estimator::Implementation::add(EstimatorInput inpu
                       "a scan has too few matches with the map (" + std::to_string(result.status.matched) +
                           "): its pose is a prediction");
   }
-  const bool is_settled = result.is_healthy && result.state.imu_status == imu::ImuStatus::kInitialised;
-  if (config_.mapping.calibrate_beams && is_settled) {
-    beams_.learn(features, result.state, map_.planes());
-    take_out_beam_elevation();
-  }
   bool is_restart = false;
   if (result.is_healthy) {
     candidate_.reset();
@@ -413,17 +447,18 @@ std::optional<EstimateResult> Estimator::Implementation::add(EstimatorInput inpu
   }
   // Whoever knows a state from before deskews with it.
   if (scan_count_ == 0 && !resumed_ && !moving_start_) first_ = features;
-  if (result.is_healthy || map_.empty()) map_.insert(features, result.state.T_odom_imu(), T_imu_lidar_);
+  learn(std::move(features), result);
   result.is_keyframe = decide_keyframe(is_reviewed) || is_restart;
   ++map_scans_;
   ++scan_count_;
   return result;
 }
 
-Estimator::Estimator(const Config& config, Reporter* reporter)
+Estimator::Estimator(const Config& config, Reporter* reporter, StageTimer timer)
     : config_(config),
       reporter_(reporter),
-      implementation_(std::make_unique<Implementation>(config, reporter)),
+      timer_(std::move(timer)),
+      implementation_(std::make_unique<Implementation>(config, reporter, timer_)),
       review_(config) {}
 Estimator::~Estimator() = default;
 
@@ -454,7 +489,7 @@ EstimateResult Estimator::begin_moving(const MovingStart& motion) {
   text << std::fixed << std::setprecision(1) << "started in motion, at about " << motion.v_odom.norm()
        << " m/s: the first " << review_->inputs().size() << " scans were estimated anew";
   reporter_->report(Severity::kInfo, "start_motion", text.str());
-  implementation_ = std::make_unique<Implementation>(config_, reporter_);
+  implementation_ = std::make_unique<Implementation>(config_, reporter_, timer_);
   implementation_->begin_moving(motion);
   EstimateResult result;
   std::vector<imu::NavState> revised;
@@ -477,7 +512,7 @@ std::vector<Point> Estimator::local_map() const { return implementation_->local_
 std::size_t Estimator::map_voxel_count() const { return implementation_->map_voxel_count(); }
 
 void Estimator::reset() {
-  implementation_ = std::make_unique<Implementation>(config_, reporter_);
+  implementation_ = std::make_unique<Implementation>(config_, reporter_, timer_);
   review_.emplace(config_);
 }
 

@@ -196,7 +196,9 @@ bool MappingOptimization::prepare() {
   if (estimator_) return true;
   known_ = frames_->config_with_extrinsics(features_.front()->header.frame_id);
   if (!known_ || !frames_->T_base_imu()) return false;
-  estimator_.emplace(*known_, reporter());
+  estimator_.emplace(*known_, reporter(), StageTimer([this](const std::string& stage, double duration_ms) {
+    times_.add(stage, duration_ms);
+  }));
   return true;
 }
 

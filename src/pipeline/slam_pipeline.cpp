@@ -20,7 +20,7 @@ class SlamPipeline::Implementation {
         scan_processor_(config, reporter, timer_),
         extractor_(config, reporter),
         degeneracy_(config, reporter),
-        estimator_(config, reporter) {}
+        estimator_(config, reporter, timer_) {}
 
   void add_imu(const imu::ImuSample& sample) {
     if (imu_.add(sample) == StampVerdict::kDrop) return;

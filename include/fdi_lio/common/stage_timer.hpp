@@ -49,13 +49,14 @@ class StageTimer {
     note(second_name, second_ms);
   }
 
+  /// Tells of a stage that was timed elsewhere.
+  void note(const char* name, double duration_ms) const {
+    if (on_timing_) on_timing_(name, duration_ms);
+  }
+
  private:
   static double milliseconds_since(std::chrono::steady_clock::time_point begin) {
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
-  }
-
-  void note(const char* name, double duration_ms) const {
-    if (on_timing_) on_timing_(name, duration_ms);
   }
 
   TimingCallback on_timing_;

@@ -7,6 +7,7 @@
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/common/stage_timer.hpp"
 #include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/mapping/pose_tangent.hpp"
@@ -40,7 +41,9 @@ struct EstimateResult {
 /// fixed-lag smoother and the local map.
 class Estimator {
  public:
-  Estimator(const Config& config, Reporter* reporter);
+  /// The stage "learning" is what the map and the beams get from a scan once its pose is known. It goes on
+  /// while the next scan is prepared, and is told of with that.
+  Estimator(const Config& config, Reporter* reporter, StageTimer timer = StageTimer());
   ~Estimator();
 
   /// Adds one scan. `imu` spans from the previous scan's stamp to this one's; nothing means that no IMU data
@@ -69,6 +72,7 @@ class Estimator {
 
   Config config_;
   Reporter* reporter_;
+  StageTimer timer_;
   std::unique_ptr<Implementation> implementation_;
   std::optional<StartReview> review_;  ///< of the first scans, while it lasts
 };
