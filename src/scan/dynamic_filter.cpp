@@ -15,6 +15,30 @@ namespace {
 constexpr int kColumnStride = 2;    ///< every second column is looked at; the others follow their neighbour
 constexpr float kMostSlope = 0.3F;  ///< of a surface that may be ground
 constexpr double kRevisedM = 2.0;   ///< no prediction of one scan is as far off
+/// Points that this many of the first scans asked have seen where they are, and none has looked through, are
+/// static: the others are not asked. Nearly all points are.
+constexpr std::size_t kAskedFirst = 2;
+constexpr float kLeastWay =
+    1.0F;  ///< of the sensor, before something that kept its place to it stands out [m]
+/// An object takes in so many times the cells that were seen to move: what hides behind it grows no farther.
+constexpr std::size_t kMostGrowth = 6;
+
+/// Calls `use(k, ring, column, range)` for each of `points` that `image` looked towards: the cell,
+/// and how far away the point would have been.
+template <typename Use>
+void look_up(const RangeImage& image, const Eigen::Isometry3f& T_image_points,
+             const std::vector<Eigen::Vector3f>& points, const Use& use) {
+  RangeImage::Directions seen;
+  for (std::size_t first = 0; first < points.size(); first += RangeImage::Directions::kSize) {
+    const auto size = std::min<std::size_t>(RangeImage::Directions::kSize, points.size() - first);
+    for (std::size_t k = 0; k < size; ++k) seen.set(static_cast<int>(k), points[first + k]);
+    image.look_at(T_image_points, &seen);
+    for (std::size_t k = 0; k < size; ++k) {
+      const auto at = static_cast<int>(k);
+      if (seen.ring[at] >= 0) use(first + k, seen.ring[at], seen.column[at], seen.range_m[at]);
+    }
+  }
+}
 
 /// Groups cells of one image that touch. Cells are (ring, column / kColumnStride).
 class ObjectGrower {
@@ -32,7 +56,14 @@ class ObjectGrower {
     return static_cast<std::size_t>(ring) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(wrapped);
   }
-  std::uint32_t point_of(int ring, int column) const { return image_.at(ring, column * kColumnStride); }
+  /// The first point in the columns of the cell: deskewed for a world that stands, a car that drives along is
+  /// pulled apart, and every other column is empty.
+  std::uint32_t point_of(int ring, int column) const {
+    std::uint32_t point = RangeImage::kNone;
+    for (int step = 0; step < kColumnStride && point == RangeImage::kNone; ++step)
+      point = image_.at(ring, column * kColumnStride + step);
+    return point;
+  }
   std::uint32_t point_of(std::size_t cell) const {
     const auto columns = static_cast<std::size_t>(columns_);
     return point_of(static_cast<int>(cell / columns), static_cast<int>(cell % columns));
@@ -124,7 +155,7 @@ std::vector<RemovalReason> DynamicFilter::classify(const DeskewedScan& scan, con
   if (config_.mode == "off") return {};
   if (config_.mode == "plain") return plain(scan, image);
   std::vector<RemovalReason> reasons = full(scan, image, T_odom_lidar);
-  remember(scan, image, T_odom_lidar);
+  remember(scan, image, T_odom_lidar, reasons);
   return reasons;
 }
 
@@ -180,43 +211,81 @@ std::vector<const DynamicFilter::Past*> DynamicFilter::chosen_past(Stamp now) co
   return chosen;
 }
 
+float DynamicFilter::margin_m(float range_m) const {
+  return static_cast<float>(config_.free_margin_m) + static_cast<float>(config_.free_margin_share) * range_m;
+}
+
 std::vector<DynamicFilter::Evidence> DynamicFilter::weigh(const std::vector<Eigen::Vector3f>& points,
                                                           const std::vector<const Past*>& past,
                                                           const Eigen::Isometry3d& T_odom_lidar) const {
-  std::vector<int> free(points.size(), 0);
-  std::vector<int> fixed(points.size(), 0);
-  const auto margin_m = static_cast<float>(config_.free_margin_m);
-  const auto margin_share = static_cast<float>(config_.free_margin_share);
-  for (const Past* each : past) {
-    const Eigen::Isometry3f T_past_now = (each->T_odom_lidar.inverse() * T_odom_lidar).cast<float>();
-    RangeImage::Directions seen;
-    for (std::size_t first = 0; first < points.size(); first += RangeImage::Directions::kSize) {
-      const auto size = std::min<std::size_t>(RangeImage::Directions::kSize, points.size() - first);
-      for (std::size_t k = 0; k < size; ++k) seen.set(static_cast<int>(k), points[first + k]);
-      each->image.look_at(T_past_now, &seen);
-      for (std::size_t k = 0; k < size; ++k) {
-        const auto at = static_cast<int>(k);
-        if (seen.ring[at] < 0) continue;
-        const float range = seen.range_m[at];
-        const float margin = margin_m + margin_share * range;
-        const float centre = each->image.range_at(seen.ring[at], seen.column[at]);
-        if (centre > 0.0F && std::abs(centre - range) <= 0.5F * margin) {
-          ++fixed[first + k];
-        } else if (each->image.saw_farther(seen.ring[at], seen.column[at], range + margin)) {
-          ++free[first + k];
-        }
+  struct Votes {
+    std::uint8_t free = 0;
+    std::uint8_t fixed = 0;
+  };
+  std::vector<Votes> votes(points.size());
+  const auto ask = [&](const Past& each, const std::vector<Eigen::Vector3f>& about, const auto& votes_on) {
+    const Eigen::Isometry3f T_past_now = (each.T_odom_lidar.inverse() * T_odom_lidar).cast<float>();
+    look_up(each.image, T_past_now, about, [&](std::size_t k, int ring, int column, float range) {
+      const float margin = margin_m(range);
+      const float centre = each.image.range_at(ring, column);
+      if (centre > 0.0F && std::abs(centre - range) <= 0.5F * margin) {
+        // What moved then does not tell that anything stands here now.
+        if (!each.is_moving(ring, column)) ++votes_on(k).fixed;
+      } else if (each.image.saw_farther(ring, column, range + margin)) {
+        ++votes_on(k).free;
       }
-    }
+    });
+  };
+  const std::size_t first = std::min(kAskedFirst, past.size());
+  for (std::size_t k = 0; k < first; ++k)
+    ask(*past[k], points, [&votes](std::size_t i) -> Votes& { return votes[i]; });
+  std::vector<Eigen::Vector3f> open;
+  std::vector<std::size_t> numbers;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (votes[i].fixed > 0 && votes[i].free == 0) continue;
+    open.push_back(points[i]);
+    numbers.push_back(i);
   }
+  for (std::size_t k = first; k < past.size(); ++k)
+    ask(*past[k], open, [&](std::size_t i) -> Votes& { return votes[numbers[i]]; });
+
   std::vector<Evidence> evidence(points.size(), Evidence::kUnknown);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (fixed[i] > 0 && fixed[i] >= free[i]) {
+    if (votes[i].fixed > 0 && votes[i].fixed >= votes[i].free) {
       evidence[i] = Evidence::kStatic;
-    } else if (free[i] > 0) {
+    } else if (votes[i].free > 0) {
       evidence[i] = Evidence::kFree;
     }
   }
   return evidence;
+}
+
+std::vector<bool> DynamicFilter::drive_along(const std::vector<Eigen::Vector3f>& points,
+                                             const std::vector<const Past*>& past, const RangeImage& image,
+                                             const Eigen::Isometry3d& T_odom_lidar) const {
+  std::vector<bool> result(points.size(), false);
+  const auto way = [&](const Past* each) {
+    return Eigen::Vector3d(T_odom_lidar.inverse() * each->T_odom_lidar.translation());
+  };
+  const auto then =
+      std::find_if(past.begin(), past.end(), [&](const Past* each) { return way(each).norm() >= kLeastWay; });
+  if (then == past.end()) return result;
+  // The same place to the sensor, then: turned as the sensor has turned, but not moved.
+  Eigen::Isometry3f T_then_now = Eigen::Isometry3f::Identity();
+  T_then_now.linear() = ((*then)->T_odom_lidar.linear().transpose() * T_odom_lidar.linear()).cast<float>();
+  std::vector<Eigen::Vector3f> left;
+  std::vector<std::size_t> numbers;
+  const Eigen::Vector3f t_now_then = way(*then).cast<float>();
+  look_up((*then)->image, T_then_now, points, [&](std::size_t k, int ring, int column, float range) {
+    const float centre = (*then)->image.range_at(ring, column);
+    if (centre <= 0.0F || std::abs(centre - range) > margin_m(range)) return;
+    left.push_back(points[k] + t_now_then);
+    numbers.push_back(k);
+  });
+  look_up(image, Eigen::Isometry3f::Identity(), left, [&](std::size_t k, int ring, int column, float range) {
+    result[numbers[k]] = image.saw_farther(ring, column, range + margin_m(range));
+  });
+  return result;
 }
 
 std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const RangeImage& image,
@@ -225,6 +294,7 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
   const std::vector<const Past*> past = chosen_past(scan.stamp);
   if (past.empty()) return reasons;
 
+  const Eigen::Vector3f up = T_odom_lidar.linear().row(2).transpose().cast<float>();
   ObjectGrower grower(scan, image, config_);
   const auto rings = static_cast<std::size_t>(image.rings());
   const auto columns = static_cast<std::size_t>(grower.columns());
@@ -242,9 +312,19 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
     }
     const std::vector<Evidence> found = weigh(points, past, T_odom_lidar);
     for (std::size_t k = 0; k < cells.size(); ++k) evidence[cells[k]] = found[k];
+    std::vector<Eigen::Vector3f> hidden;
+    std::vector<std::size_t> hidden_cells;
+    for (std::size_t k = 0; k < cells.size(); ++k) {
+      if (found[k] != Evidence::kUnknown || grower.is_level(cells[k], up)) continue;
+      hidden.push_back(points[k]);
+      hidden_cells.push_back(cells[k]);
+    }
+    const std::vector<bool> moves = drive_along(hidden, past, image, T_odom_lidar);
+    for (std::size_t k = 0; k < hidden.size(); ++k) {
+      if (moves[k]) evidence[hidden_cells[k]] = Evidence::kFree;
+    }
   });
 
-  const Eigen::Vector3f up = T_odom_lidar.linear().row(2).transpose().cast<float>();
   std::vector<RemovalReason> of_cell(rings * columns, RemovalReason::kNone);
   const auto is = [&evidence](Evidence wanted) {
     return [&evidence, wanted](std::size_t at) { return evidence[at] == wanted; };
@@ -258,7 +338,8 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
       continue;
     std::vector<std::size_t> members = core;
     const auto joins = [&](std::size_t at) {
-      return evidence[at] == Evidence::kUnknown && !grower.is_level(at, up);
+      return members.size() < kMostGrowth * core.size() && evidence[at] == Evidence::kUnknown &&
+             !grower.is_level(at, up);
     };
     for (std::size_t next = 0; next < members.size(); ++next)
       grower.visit_neighbours(members[next], joins, &members);
@@ -279,8 +360,17 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
 }
 
 void DynamicFilter::remember(const DeskewedScan& scan, const RangeImage& image,
-                             const Eigen::Isometry3d& T_odom_lidar) {
-  history_.push_back({scan.stamp, image, T_odom_lidar});
+                             const Eigen::Isometry3d& T_odom_lidar,
+                             const std::vector<RemovalReason>& reasons) {
+  Past past{scan.stamp, image, T_odom_lidar, {}};
+  const auto columns = static_cast<std::size_t>(image.columns());
+  past.moving.assign(static_cast<std::size_t>(image.rings()) * columns, 0);
+  for (std::size_t i = 0; i < reasons.size(); ++i) {
+    if (reasons[i] == RemovalReason::kNone) continue;
+    const Point& point = scan.points[i];
+    if (image.at(point.ring, point.column) == i) past.moving[point.ring * columns + point.column] = 1;
+  }
+  history_.push_back(std::move(past));
   const double kept_s = config_.past_spacing_s * (config_.past_scans + 0.5);
   while (seconds_between(history_.front().stamp, scan.stamp) > kept_s) history_.pop_front();
 }

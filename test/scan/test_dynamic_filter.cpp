@@ -127,6 +127,50 @@ TEST(DynamicFilter, AConvoyHidesItsOwnPlaceAndIsFoundAllTheSame) {
   EXPECT_GT(score.kept(), 0.99);
 }
 
+/// Higher than the beams reach: no earlier scan saw over it, nor past it. But each saw it where it is to the
+/// sensor, at places that are seen through now.
+TEST(DynamicFilter, ALorryAheadHidesAllOfItsPlaceAndIsFoundAllTheSame) {
+  DynamicFilter filter{DynamicConfig()};
+  Score score;
+  for (int k = 0; k < 45; ++k) {
+    const double x = -8.0 + 2.5 * 0.1 * k;
+    std::vector<Box> boxes = hall();
+    boxes.push_back({{x + 4.0, -0.8, 0.05}, {x + 6.0, 0.8, 3.9}, true});
+    const Eigen::Isometry3d T = pose_at(x, 0.0, 0.0);
+    LabelledScan labelled = cast(SyntheticLidar(), boxes, T, to_nanoseconds(100.0 + 0.1 * k), grey);
+    RangeImage image;
+    image.build(&labelled.scan);
+    const auto reasons = filter.classify(labelled.scan, image, T);
+    if (k >= 15) score.add(labelled, reasons);
+  }
+  ASSERT_GT(score.moving, 2000U);
+  RecordProperty("moving_removed_percent", std::to_string(100.0 * score.removed()));
+  EXPECT_GT(score.removed(), 0.9);
+  EXPECT_GT(score.kept(), 0.99);
+}
+
+/// A train whose side slides along itself: for seconds earlier scans saw a surface where it is now, but they
+/// know that it was moving.
+TEST(DynamicFilter, WhatMovedIsNoWitnessOfStandingStill) {
+  DynamicFilter filter{DynamicConfig()};
+  Score score;
+  const Eigen::Isometry3d T = pose_at(0.0, 0.0, 0.0);
+  for (int k = 0; k < 70; ++k) {
+    const double y = -14.0 + 2.0 * 0.1 * k;
+    std::vector<Box> boxes = hall();
+    boxes.push_back({{6.0, std::max(-9.0, y - 12.0), 0.05}, {7.0, std::max(-8.9, y), 2.0}, true});
+    LabelledScan labelled = cast(SyntheticLidar(), boxes, T, to_nanoseconds(100.0 + 0.1 * k), grey);
+    RangeImage image;
+    image.build(&labelled.scan);
+    const auto reasons = filter.classify(labelled.scan, image, T);
+    if (k >= 30) score.add(labelled, reasons);
+  }
+  ASSERT_GT(score.moving, 2000U);
+  RecordProperty("moving_removed_percent", std::to_string(100.0 * score.removed()));
+  EXPECT_GT(score.removed(), 0.8);
+  EXPECT_GT(score.kept(), 0.99);
+}
+
 TEST(DynamicFilter, ForgetsEarlierScansWithReset) {
   const auto removed_after = [](bool reset) {
     DynamicFilter filter{DynamicConfig()};

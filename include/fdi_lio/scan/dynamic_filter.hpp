@@ -53,6 +53,13 @@ class DynamicFilter {
     Stamp stamp = 0;
     RangeImage image;
     Eigen::Isometry3d T_odom_lidar = Eigen::Isometry3d::Identity();
+    std::vector<std::uint8_t> moving;  ///< 1 for each cell that saw what was found to move
+
+    /// Whether what the cell saw was moving.
+    bool is_moving(int ring, int column) const {
+      return moving[static_cast<std::size_t>(ring) * static_cast<std::size_t>(image.columns()) +
+                    static_cast<std::size_t>(column)] != 0;
+    }
   };
   enum class Evidence : std::uint8_t { kNone, kUnknown, kStatic, kFree };
 
@@ -64,7 +71,14 @@ class DynamicFilter {
   std::vector<Evidence> weigh(const std::vector<Eigen::Vector3f>& points,
                               const std::vector<const Past*>& past,
                               const Eigen::Isometry3d& T_odom_lidar) const;
-  void remember(const DeskewedScan& scan, const RangeImage& image, const Eigen::Isometry3d& T_odom_lidar);
+  /// Which of `points` belong to what drives along with the sensor, so that it hid its own place from the
+  /// earlier scans: one of them saw it at the same place to the sensor, and that place is seen through now.
+  std::vector<bool> drive_along(const std::vector<Eigen::Vector3f>& points,
+                                const std::vector<const Past*>& past, const RangeImage& image,
+                                const Eigen::Isometry3d& T_odom_lidar) const;
+  float margin_m(float range_m) const;
+  void remember(const DeskewedScan& scan, const RangeImage& image, const Eigen::Isometry3d& T_odom_lidar,
+                const std::vector<RemovalReason>& reasons);
 
   DynamicConfig config_;
   std::deque<Past> history_;  ///< oldest first

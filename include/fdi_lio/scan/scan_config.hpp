@@ -50,13 +50,13 @@ struct DynamicConfig {
   double gradient_deviations = 2.0;
   double range_jump = 0.02;
   double safety_factor = 1.5;
-  int past_scans = 3;
-  double past_spacing_s = 0.8;
+  int past_scans = 5;
+  double past_spacing_s = 0.5;
   double free_margin_m = 0.3;
   double free_margin_share = 0.01;
   double touch_distance_m = 0.3;
   double touch_share = 0.01;
-  int min_object_points = 5;
+  int min_object_points = 3;
   double max_static_share = 0.5;
 
   void visit(ParameterVisitor& visitor);
