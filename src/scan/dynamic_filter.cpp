@@ -15,8 +15,8 @@ namespace {
 constexpr int kColumnStride = 2;    ///< every second column is looked at; the others follow their neighbour
 constexpr float kMostSlope = 0.3F;  ///< of a surface that may be ground
 constexpr double kRevisedM = 2.0;   ///< no prediction of one scan is as far off
-/// Points that this many of the first scans asked have seen where they are, and none has looked through, are
-/// static: the others are not asked. Nearly all points are.
+/// What one of so many scans has seen where it is, and none has looked through, is static, and the others are
+/// not asked about it: most points are.
 constexpr std::size_t kAskedFirst = 2;
 constexpr float kLeastWay =
     1.0F;  ///< of the sensor, before something that kept its place to it stands out [m]

@@ -23,13 +23,15 @@ namespace fdi_lio::scan {
 /// Mode `full` asks what earlier scans saw. Each point is looked up in the range images of some earlier
 /// scans:
 ///   free      all of the nine cells about its direction that saw anything saw farther, and at least four
-///   did:
-///             what is there now was not there then;
-///   static    the cell saw a surface at the same place;
+///             did: what is there now was not there then;
+///   static    the cell saw a surface at the same place, which was not found to move;
 ///   unknown   neither, as when something nearer hid the place.
+/// What drives along hides its own place: unknown points that an earlier scan saw at the same place to the
+/// sensor count as free when the present one looks through where that was.
 /// Free points that touch form an object. It is dropped when it has too few points, or when it touches too
 /// many static points (leaves, wires, fences: now seen, now missed); else it takes in the unknown points that
-/// touch it, directly or through others, as far as they are no ground. `odom` has z upwards.
+/// touch it, directly or through others, as far as they are no ground, up to six times its size. `odom` has z
+/// upwards.
 class DynamicFilter {
  public:
   explicit DynamicFilter(const DynamicConfig& config) : config_(config) {}
