@@ -18,8 +18,10 @@ constexpr double kRevisedM = 2.0;   ///< no prediction of one scan is as far off
 /// What one of so many scans has seen where it is, and none has looked through, is static, and the others are
 /// not asked about it: most points are.
 constexpr std::size_t kAskedFirst = 2;
-constexpr float kLeastWay =
-    1.0F;  ///< of the sensor, before something that kept its place to it stands out [m]
+/// Scans that look through, before those do not count that saw something move there.
+constexpr int kLeastFree = 2;
+/// Of the sensor, before something that kept its place to it stands out [m].
+constexpr float kLeastWay = 1.0F;
 /// An object takes in so many times the cells that were seen to move: what hides behind it grows no farther.
 constexpr std::size_t kMostGrowth = 6;
 
@@ -221,6 +223,7 @@ std::vector<DynamicFilter::Evidence> DynamicFilter::weigh(const std::vector<Eige
   struct Votes {
     std::uint8_t free = 0;
     std::uint8_t fixed = 0;
+    std::uint8_t moved = 0;  ///< of `fixed`: by what was found to move then
   };
   std::vector<Votes> votes(points.size());
   const auto ask = [&](const Past& each, const std::vector<Eigen::Vector3f>& about, const auto& votes_on) {
@@ -229,8 +232,8 @@ std::vector<DynamicFilter::Evidence> DynamicFilter::weigh(const std::vector<Eige
       const float margin = margin_m(range);
       const float centre = each.image.range_at(ring, column);
       if (centre > 0.0F && std::abs(centre - range) <= 0.5F * margin) {
-        // What moved then does not tell that anything stands here now.
-        if (!each.is_moving(ring, column)) ++votes_on(k).fixed;
+        ++votes_on(k).fixed;
+        if (each.is_moving(ring, column)) ++votes_on(k).moved;
       } else if (each.image.saw_farther(ring, column, range + margin)) {
         ++votes_on(k).free;
       }
@@ -242,7 +245,7 @@ std::vector<DynamicFilter::Evidence> DynamicFilter::weigh(const std::vector<Eige
   std::vector<Eigen::Vector3f> open;
   std::vector<std::size_t> numbers;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (votes[i].fixed > 0 && votes[i].free == 0) continue;
+    if (votes[i].fixed > votes[i].moved && votes[i].free == 0) continue;
     open.push_back(points[i]);
     numbers.push_back(i);
   }
@@ -251,7 +254,10 @@ std::vector<DynamicFilter::Evidence> DynamicFilter::weigh(const std::vector<Eige
 
   std::vector<Evidence> evidence(points.size(), Evidence::kUnknown);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (votes[i].fixed > 0 && votes[i].fixed >= votes[i].free) {
+    // What moved then is no witness of standing still. One scan alone that looks through is too little to say
+    // so: what was once taken for moving by mistake would stay so.
+    const int fixed = votes[i].free >= kLeastFree ? votes[i].fixed - votes[i].moved : votes[i].fixed;
+    if (fixed > 0 && fixed >= votes[i].free) {
       evidence[i] = Evidence::kStatic;
     } else if (votes[i].free > 0) {
       evidence[i] = Evidence::kFree;

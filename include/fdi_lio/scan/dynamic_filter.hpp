@@ -24,7 +24,8 @@ namespace fdi_lio::scan {
 /// scans:
 ///   free      all of the nine cells about its direction that saw anything saw farther, and at least four
 ///             did: what is there now was not there then;
-///   static    the cell saw a surface at the same place, which was not found to move;
+///   static    the cell saw a surface at the same place; where two scans say free, one that was not found to
+///             move;
 ///   unknown   neither, as when something nearer hid the place.
 /// What drives along hides its own place: unknown points that an earlier scan saw at the same place to the
 /// sensor count as free when the present one looks through where that was.
