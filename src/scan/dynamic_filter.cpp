@@ -15,8 +15,8 @@ namespace {
 constexpr int kColumnStride = 2;    ///< every second column is looked at; the others follow their neighbour
 constexpr float kMostSlope = 0.3F;  ///< of a surface that may be ground
 constexpr double kRevisedM = 2.0;   ///< no prediction of one scan is as far off
-/// What one of so many scans has seen where it is, and none has looked through, is static, and the others are
-/// not asked about it: most points are.
+/// What one of so many scans has seen where it is, and not moving, while none has looked through, is static;
+/// the others are not asked about it. Most points are.
 constexpr std::size_t kAskedFirst = 2;
 /// Scans that look through, before those do not count that saw something move there.
 constexpr int kLeastFree = 2;
