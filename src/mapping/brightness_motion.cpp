@@ -12,6 +12,7 @@
 
 #include "fdi_lio/common/parallel.hpp"
 #include "fdi_lio/common/time.hpp"
+#include "fdi_lio/common/wide_vectors.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
 
 namespace fdi_lio::mapping {
@@ -62,121 +63,195 @@ struct Hypothesis {
   double score = 0.0;
 };
 
-/// Means of the details in cells, of one scan under one velocity. Hundreds of velocities are tried: cells are
-/// found by their column of the level plane, in a table that is small enough to stay in the cache.
-class DetailCells {
- public:
-  /// `velocity` at the scan, `sensor` where it was then.
-  void fill(const BrightScan& scan, const Eigen::Vector3f& velocity, const Eigen::Vector3f& sensor,
-            std::size_t stride) {
-    for (const CellMean& cell : cells_) newest_of_[column_of(cell.x, cell.y)] = kNone;
-    cells_.clear();
+/// What is asked of the points of a scan, so that several are moved at a time.
+struct Lanes {
+  std::vector<float> x;
+  std::vector<float> y;
+  std::vector<float> z;
+  std::vector<float> time_s;
+  std::vector<float> detail;
+  std::vector<std::uint32_t> stands;
+
+  std::size_t size() const { return x.size(); }
+};
+
+struct LaneScan {
+  double time_s = 0.0;  ///< since the first scan
+  Eigen::Vector3d gained_mps = Eigen::Vector3d::Zero();
+  Eigen::Vector3d gained_m = Eigen::Vector3d::Zero();
+  Lanes lanes;
+};
+
+constexpr std::uint32_t kAcrossBits = 11;  ///< 1 km of cells, then they begin again
+constexpr std::uint32_t kAcrossMask = (1U << kAcrossBits) - 1U;
+
+FDI_LIO_INLINE std::int32_t floor_of(float value) {
+  const auto towards_zero = static_cast<std::int32_t>(value);
+  return towards_zero - (static_cast<float>(towards_zero) > value ? 1 : 0);
+}
+
+/// The cell of each point. What lies in a cell is not compared with what stands in it.
+FDI_LIO_WIDE_VECTORS void find_keys(const Lanes& lanes, const Eigen::Vector3f& velocity,
+                                    const Eigen::Vector3f& sensor, std::uint32_t* keys) {
+  const std::size_t size = lanes.size();
+  const float* x = lanes.x.data();
+  const float* y = lanes.y.data();
+  const float* z = lanes.z.data();
+  const float* time_s = lanes.time_s.data();
+  const std::uint32_t* stands = lanes.stands.data();
+  const float velocity_x = velocity.x();
+  const float velocity_y = velocity.y();
+  const float velocity_z = velocity.z();
+  const float sensor_x = sensor.x();
+  const float sensor_y = sensor.y();
+  const float sensor_z = sensor.z();
+  for (std::size_t k = 0; k < size; ++k) {
+    const std::int32_t column = floor_of((sensor_x + (x[k] + time_s[k] * velocity_x)) / kCellM);
+    const std::int32_t row = floor_of((sensor_y + (y[k] + time_s[k] * velocity_y)) / kCellM);
+    const std::int32_t layer = floor_of((sensor_z + (z[k] + time_s[k] * velocity_z)) / kCellM);
+    keys[k] = (static_cast<std::uint32_t>(column) & kAcrossMask) |
+              (static_cast<std::uint32_t>(row) & kAcrossMask) << kAcrossBits |
+              (2U * static_cast<std::uint32_t>(layer) + stands[k]) << (2U * kAcrossBits);
+  }
+}
+
+/// Every so many points of the scans.
+std::vector<LaneScan> lanes_of(const std::vector<BrightScan>& scans, std::size_t stride) {
+  std::vector<LaneScan> result;
+  for (const BrightScan& scan : scans) {
+    LaneScan lane_scan = {
+        seconds_between(scans.front().stamp, scan.stamp), scan.gained_mps, scan.gained_m, {}};
+    Lanes& lanes = lane_scan.lanes;
     for (std::size_t k = 0; k < scan.points.size(); k += stride) {
       const BrightPoint& point = scan.points[k];
-      const Eigen::Vector3f from_sensor = point.position + point.time_s * velocity;
-      const Eigen::Vector3f position = (sensor + from_sensor) / kCellM;
-      // What lies in a cell is not compared with what stands in it.
-      const auto layer = static_cast<std::int16_t>(2 * floor_of(position.z()) + (point.stands ? 1 : 0));
-      const auto x = static_cast<std::int16_t>(floor_of(position.x()));
-      const auto y = static_cast<std::int16_t>(floor_of(position.y()));
-      std::uint16_t& newest = newest_of_[column_of(x, y)];
-      std::uint16_t number = find(newest, x, y, layer);
-      if (number == kNone) {
-        number = static_cast<std::uint16_t>(cells_.size());
-        cells_.push_back({x, y, layer, newest, block_of(from_sensor, point.stands), 0, 0.0F});
-        newest = number;
-      }
-      cells_[number].mean += point.detail;
-      ++cells_[number].count;
+      lanes.x.push_back(point.position.x());
+      lanes.y.push_back(point.position.y());
+      lanes.z.push_back(point.position.z());
+      lanes.time_s.push_back(point.time_s);
+      lanes.detail.push_back(point.detail);
+      lanes.stands.push_back(point.stands ? 1U : 0U);
     }
-    for (CellMean& cell : cells_) cell.mean /= static_cast<float>(cell.count);
+    result.push_back(std::move(lane_scan));
+  }
+  return result;
+}
+
+/// Means of the details in cells, of some scans under one velocity. Hundreds of velocities are tried: cells
+/// are found by their column of the level plane, in a table that is small enough to stay in the cache, and
+/// what the scans say of a cell is chained from the newest to the oldest.
+class DetailCells {
+ public:
+  void clear() {
+    for (const Cell& cell : cells_) newest_of_[column_of(cell.key)] = kNone;
+    cells_.clear();
+    means_.clear();
   }
 
-  /// Adds the squared differences to those of `before`, by the blocks of `before`.
-  void compare(const DetailCells& before, std::vector<float>* squares,
-               std::vector<std::size_t>* counts) const {
-    for (const CellMean& cell : cells_) {
-      const std::uint16_t newest = before.newest_of_[column_of(cell.x, cell.y)];
-      const std::uint16_t number = before.find(newest, cell.x, cell.y, cell.layer);
-      if (number == kNone) continue;
-      const CellMean& other = before.cells_[number];
-      if (other.block >= kBlocks) continue;
-      const float difference = cell.mean - other.mean;
-      (*squares)[other.block] += difference * difference;
-      ++(*counts)[other.block];
+  /// The scans from the oldest to the newest, each with a number of its own. `velocity` at the scan, `sensor`
+  /// where it was then.
+  void add(const Lanes& lanes, std::uint16_t number, const Eigen::Vector3f& velocity,
+           const Eigen::Vector3f& sensor) {
+    keys_.resize(lanes.size());
+    find_keys(lanes, velocity, sensor, keys_.data());
+    const std::size_t first = means_.size();
+    std::uint32_t in = kNone;  // the mean of the last point's cell
+    for (std::size_t k = 0; k < lanes.size(); ++k) {
+      if (k == 0 || keys_[k] != keys_[k - 1]) {
+        std::uint32_t& newest = cell_at(keys_[k]).newest_mean;
+        if (newest == kNone || newest < first) {
+          const std::uint32_t older = newest;
+          newest = static_cast<std::uint32_t>(means_.size());
+          means_.push_back({0.0F, 0, number, block_of(lanes, k, velocity), older});
+        }
+        in = newest;
+      }
+      means_[in].detail += lanes.detail[k];
+      ++means_[in].count;
     }
+    for (std::size_t k = first; k < means_.size(); ++k)
+      means_[k].detail /= static_cast<float>(means_[k].count);
+  }
+
+  /// By the blocks of the older of two scans.
+  BlockFits fits(std::size_t farthest) const {
+    std::array<float, kBlocks> squares{};
+    std::array<std::uint32_t, kBlocks> counts{};
+    for (const CellMean& newer : means_) {
+      for (std::uint32_t k = newer.older; k != kNone; k = means_[k].older) {
+        const CellMean& older = means_[k];
+        if (older.scan + farthest < newer.scan) break;
+        if (older.block >= kBlocks) continue;
+        const float difference = newer.detail - older.detail;
+        squares[older.block] += difference * difference;
+        ++counts[older.block];
+      }
+    }
+    BlockFits result;
+    result.fill(kSilent);
+    for (std::size_t b = 0; b < kBlocks; ++b) {
+      if (counts[b] < kLeastCells) continue;
+      const double mean = static_cast<double>(squares[b]) / static_cast<double>(counts[b]);
+      result[b] = static_cast<float>(-0.5 * std::log(mean + kNoise));
+    }
+    return result;
   }
 
  private:
-  static constexpr std::uint16_t kNone = 0xFFFFU;
-  static_assert(kMostPoints < kNone, "each cell has a number");
+  static constexpr std::uint32_t kNone = 0xFFFFFFFFU;
   static constexpr std::uint32_t kTableBits = 8;  ///< 128 m: farther apart, columns share an entry
 
-  struct CellMean {
-    std::int16_t x;
-    std::int16_t y;
-    std::int16_t layer;
-    std::uint16_t next;  ///< cell of the same column
-    std::uint16_t block;
-    std::uint16_t count;
-    float mean;
+  struct Cell {
+    std::uint32_t key;
+    std::uint32_t next;  ///< cell of the same column
+    std::uint32_t newest_mean;
   };
 
-  static std::int32_t floor_of(float value) {
-    const auto towards_zero = static_cast<std::int32_t>(value);
-    return towards_zero - (static_cast<float>(towards_zero) > value ? 1 : 0);
-  }
+  struct CellMean {
+    float detail;
+    std::uint16_t count;
+    std::uint16_t scan;
+    std::uint16_t block;
+    std::uint32_t older;  ///< mean of the same cell
+  };
 
-  static std::size_t column_of(std::int16_t x, std::int16_t y) {
+  static std::uint32_t column_of(std::uint32_t key) {
     constexpr std::uint32_t kMask = (1U << kTableBits) - 1U;
-    return ((static_cast<std::uint32_t>(y) & kMask) << kTableBits) | (static_cast<std::uint32_t>(x) & kMask);
+    return ((key >> kAcrossBits & kMask) << kTableBits) | (key & kMask);
   }
 
-  /// The cell among those of its column, from `newest` on; kNone if it is empty.
-  std::uint16_t find(std::uint16_t newest, std::int16_t x, std::int16_t y, std::int16_t layer) const {
-    std::uint16_t number = newest;
-    while (number != kNone) {
-      const CellMean& cell = cells_[number];
-      if (cell.layer == layer && cell.x == x && cell.y == y) break;
-      number = cell.next;
+  Cell& cell_at(std::uint32_t key) {
+    std::uint32_t& newest = newest_of_[column_of(key)];
+    for (std::uint32_t k = newest; k != kNone; k = cells_[k].next) {
+      if (cells_[k].key == key) return cells_[k];
     }
-    return number;
+    cells_.push_back({key, newest, kNone});
+    newest = static_cast<std::uint32_t>(cells_.size() - 1);
+    return cells_.back();
   }
 
-  static std::uint16_t block_of(const Eigen::Vector3f& from_sensor, bool stands) {
-    const std::int32_t x = floor_of((from_sensor.x() + kReachM) / kBlockM);
-    const std::int32_t y = floor_of((from_sensor.y() + kReachM) / kBlockM);
+  static std::uint16_t block_of(const Lanes& lanes, std::size_t k, const Eigen::Vector3f& velocity) {
+    const std::int32_t x = floor_of((lanes.x[k] + lanes.time_s[k] * velocity.x() + kReachM) / kBlockM);
+    const std::int32_t y = floor_of((lanes.y[k] + lanes.time_s[k] * velocity.y() + kReachM) / kBlockM);
     if (x < 0 || y < 0 || x >= kBlocksAcross || y >= kBlocksAcross) return kBlocks;
-    return static_cast<std::uint16_t>((stands ? kColumns : 0U) +
+    return static_cast<std::uint16_t>((lanes.stands[k] != 0 ? kColumns : 0U) +
                                       static_cast<std::size_t>(y * kBlocksAcross + x));
   }
 
-  std::vector<std::uint16_t> newest_of_ = std::vector<std::uint16_t>(1U << (2U * kTableBits), kNone);
-  std::vector<CellMean> cells_;
+  std::vector<std::uint32_t> keys_;
+  std::vector<std::uint32_t> newest_of_ = std::vector<std::uint32_t>(1U << (2U * kTableBits), kNone);
+  std::vector<Cell> cells_;
+  std::vector<CellMean> means_;
 };
 
-BlockFits fits_of(const std::vector<BrightScan>& scans, const Eigen::Vector3d& velocity, const Depth& depth,
-                  std::vector<DetailCells>* cells) {
+BlockFits fits_of(const std::vector<LaneScan>& scans, const Eigen::Vector3d& velocity, std::size_t farthest,
+                  DetailCells* cells) {
+  cells->clear();
   for (std::size_t k = 0; k < scans.size(); ++k) {
     const Eigen::Vector3d now = velocity + scans[k].gained_mps;
-    const Eigen::Vector3d sensor =
-        seconds_between(scans.front().stamp, scans[k].stamp) * velocity + scans[k].gained_m;
-    (*cells)[k].fill(scans[k], now.cast<float>(), sensor.cast<float>(), depth.stride);
+    const Eigen::Vector3d sensor = scans[k].time_s * velocity + scans[k].gained_m;
+    cells->add(scans[k].lanes, static_cast<std::uint16_t>(k), now.cast<float>(), sensor.cast<float>());
   }
-  std::vector<float> squares(kBlocks, 0.0F);
-  std::vector<std::size_t> counts(kBlocks, 0);
-  for (std::size_t k = 0; k < scans.size(); ++k) {
-    for (std::size_t apart = 1; apart <= std::min(k, depth.farthest); ++apart)
-      (*cells)[k].compare((*cells)[k - apart], &squares, &counts);
-  }
-  BlockFits fits;
-  fits.fill(kSilent);
-  for (std::size_t b = 0; b < kBlocks; ++b) {
-    if (counts[b] < kLeastCells) continue;
-    const double mean = static_cast<double>(squares[b]) / static_cast<double>(counts[b]);
-    fits[b] = static_cast<float>(-0.5 * std::log(mean + kNoise));
-  }
-  return fits;
+  return cells->fits(farthest);
 }
 
 /// What a block says of the usual velocity.
@@ -222,37 +297,41 @@ std::vector<Eigen::Vector3d> level_velocities() {
 }
 
 std::vector<Hypothesis> coarse_hypotheses(const std::vector<BrightScan>& scans) {
+  const std::vector<LaneScan> lanes = lanes_of(scans, kCoarse.stride);
   const std::vector<Eigen::Vector3d> velocities = level_velocities();
   std::vector<Hypothesis> result(velocities.size());
   constexpr std::size_t kChunk = 16;
   parallel_chunks(velocities.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
-    std::vector<DetailCells> cells(scans.size());
+    DetailCells cells;
     for (std::size_t k = begin; k < end; ++k) {
       result[k].velocity = velocities[k];
-      result[k].fits = fits_of(scans, velocities[k], kCoarse, &cells);
+      result[k].fits = fits_of(lanes, velocities[k], kCoarse.farthest, &cells);
     }
   });
   return result;
 }
 
 /// The best velocity near by, in smaller and smaller steps.
-Hypothesis climbed(const std::vector<BrightScan>& scans, const Eigen::Vector3d& from,
-                   const BlockFits& usual) {
-  std::vector<DetailCells> cells(scans.size());
+Hypothesis climbed(const std::vector<LaneScan>& scans, const Eigen::Vector3d& from, const BlockFits& usual) {
+  DetailCells cells;
   const auto at = [&](const Eigen::Vector3d& velocity) {
     Hypothesis hypothesis;
     hypothesis.velocity = velocity;
-    hypothesis.fits = fits_of(scans, velocity, kFine, &cells);
+    hypothesis.fits = fits_of(scans, velocity, kFine.farthest, &cells);
     hypothesis.score = votes(hypothesis.fits, usual);
     return hypothesis;
   };
   Hypothesis best = at(from);
+  Eigen::Vector3d middle = from;
   for (double step = kFirstStep; step >= kLastStep; step *= 0.5) {
     for (int move = 0; move < kMostMoves; ++move) {
-      const Eigen::Vector3d middle = best.velocity;
+      const Eigen::Vector3d before = middle;
+      middle = best.velocity;
       for (int axis = 0; axis < 2; ++axis) {
         for (const double sign : {-1.0, 1.0}) {
-          Hypothesis next = at(middle + sign * step * Eigen::Vector3d::Unit(axis));
+          const Eigen::Vector3d velocity = middle + sign * step * Eigen::Vector3d::Unit(axis);
+          if (velocity.isApprox(before)) continue;  // where the last move came from
+          Hypothesis next = at(velocity);
           if (next.score > best.score) best = next;
         }
       }
@@ -264,16 +343,16 @@ Hypothesis climbed(const std::vector<BrightScan>& scans, const Eigen::Vector3d& 
 
 /// The middle of the hill of votes, whose top is ragged by the cells: of a parabola through what velocities
 /// about it get, along each axis.
-Eigen::Vector3d refined(const std::vector<BrightScan>& scans, const Eigen::Vector3d& top,
+Eigen::Vector3d refined(const std::vector<LaneScan>& scans, const Eigen::Vector3d& top,
                         const BlockFits& usual) {
   Eigen::Vector3d velocity = top;
   std::array<double, 2 * kHillSteps + 1> heights{};
   for (int axis = 0; axis < 2; ++axis) {
     parallel_chunks(heights.size(), 1, [&](std::size_t, std::size_t, std::size_t k) {
-      std::vector<DetailCells> cells(scans.size());
+      DetailCells cells;
       const double offset = kHillStep * (static_cast<double>(k) - kHillSteps);
       const Eigen::Vector3d at = velocity + offset * Eigen::Vector3d::Unit(axis);
-      heights[k] = votes(fits_of(scans, at, kFine, &cells), usual);
+      heights[k] = votes(fits_of(scans, at, kFine.farthest, &cells), usual);
     });
     Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
     Eigen::Vector3d b = Eigen::Vector3d::Zero();
@@ -397,6 +476,13 @@ BrightScan bright_scan(const FeatureSet& features, const Eigen::Matrix3d& R_leve
   result.R_level_lidar = R_level_lidar;
   const std::size_t count = std::min(kMostPoints, all.size());
   for (std::size_t k = 0; k < count; ++k) result.points.push_back(all[k * all.size() / count]);
+  // Side by side in space under any velocity, more or less: the cells of one are then those of the next.
+  std::stable_sort(result.points.begin(), result.points.end(),
+                   [](const BrightPoint& a, const BrightPoint& b) {
+                     const std::int64_t row_a = cell_of(a.position / kCellM).y();
+                     const std::int64_t row_b = cell_of(b.position / kCellM).y();
+                     return row_a != row_b ? row_a < row_b : a.position.x() < b.position.x();
+                   });
   return result;
 }
 
@@ -409,9 +495,10 @@ BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const Eig
   for (Hypothesis& hypothesis : coarse) hypothesis.score = votes(hypothesis.fits, usual);
 
   const std::vector<Eigen::Vector3d> chosen = finalists(std::move(coarse), known_velocity);
+  const std::vector<LaneScan> lanes = lanes_of(scans, kFine.stride);
   std::vector<Hypothesis> best(chosen.size());
   parallel_chunks(chosen.size(), 1, [&](std::size_t, std::size_t, std::size_t k) {
-    best[k] = climbed(scans, chosen[k], usual);
+    best[k] = climbed(lanes, chosen[k], usual);
   });
   BrightnessMotion motion;
   motion.lead = -std::numeric_limits<double>::infinity();
@@ -422,7 +509,7 @@ BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const Eig
     }
     if (lead > motion.lead) motion = {one.velocity, lead, is_same(one.velocity, known_velocity)};
   }
-  motion.velocity = refined(scans, motion.velocity, usual);
+  motion.velocity = refined(lanes, motion.velocity, usual);
   return motion;
 }
 

@@ -1,7 +1,10 @@
 #include "fdi_lio/mapping/loop_verifier.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -44,6 +47,25 @@ constexpr double kUnknownSigmaM = 100.0;
 /// Deviation towards a result that is about as good, in distances to it.
 constexpr double kAmbiguousSigmas = 5.0;
 
+/// Points that are looked up side by side.
+constexpr std::size_t kLookups = 64;
+/// Solutions that are nearer to each other while they are refined end as one.
+constexpr double kJoinedM = 0.1;
+constexpr double kJoinedRad = 0.5 * M_PI / 180.0;
+
+/// All points at once, so that each cell's axes are computed once.
+void insert(const std::vector<PlacedCloud>& clouds, std::vector<Point> KeyframeCloud::*layer, VoxelMap* map) {
+  std::vector<Eigen::Vector3d> positions;
+  std::vector<float> intensities;
+  for (const PlacedCloud& placed : clouds) {
+    for (const Point& point : (*placed.cloud).*layer) {
+      positions.push_back(placed.T_submap_imu * point.position.cast<double>());
+      intensities.push_back(point.intensity);
+    }
+  }
+  map->insert(positions, intensities);
+}
+
 }  // namespace
 
 /// Both sides of a registration.
@@ -78,26 +100,15 @@ LoopVerifier::LoopVerifier(const Config& config) : config_(config.loop), matcher
 LoopVerifier::Scene LoopVerifier::make_scene(const std::vector<PlacedCloud>& target,
                                              const std::vector<PlacedCloud>& source) const {
   Scene scene{VoxelMap(plane_map_config_), VoxelMap(edge_map_config_), {}, {}, {}};
-  const auto insert = [](const std::vector<Point>& points, const Eigen::Isometry3d& T, VoxelMap* map) {
-    std::vector<Eigen::Vector3d> positions;
-    std::vector<float> intensities;
-    for (const Point& point : points) {
-      positions.push_back(T * point.position.cast<double>());
-      intensities.push_back(point.intensity);
-    }
-    map->insert(positions, intensities);
-  };
-  for (const PlacedCloud& placed : target) {
-    insert(placed.cloud->planes, placed.T_submap_imu, &scene.planes);
-    insert(placed.cloud->edges, placed.T_submap_imu, &scene.edges);
-  }
+  insert(target, &KeyframeCloud::planes, &scene.planes);
+  insert(target, &KeyframeCloud::edges, &scene.edges);
+  VoxelMap source_map(plane_map_config_);
+  insert(source, &KeyframeCloud::planes, &source_map);
   MapBuilder planes(config_.source_voxel_m);
   MapBuilder edges(0.5 * config_.source_voxel_m);
-  VoxelMap source_map(plane_map_config_);
   for (const PlacedCloud& placed : source) {
     planes.add(placed.cloud->planes, placed.T_submap_imu);
     edges.add(placed.cloud->edges, placed.T_submap_imu);
-    insert(placed.cloud->planes, placed.T_submap_imu, &source_map);
   }
   scene.source_planes = planes.points();
   for (const Point& point : scene.source_planes) {
@@ -116,7 +127,9 @@ LoopCandidate LoopVerifier::verify(const std::vector<PlacedCloud>& target,
                                    const RegistrationStart& start) const {
   const Scene scene = make_scene(target, source);
   std::vector<Solution> solutions;
-  for (const Eigen::Isometry3d& T : search(scene, start)) solutions.push_back(refine(scene, T, start));
+  for (const Eigen::Isometry3d& T : search(scene, start)) {
+    if (auto solution = refine(scene, T, start, solutions)) solutions.push_back(std::move(*solution));
+  }
   const auto best = std::max_element(solutions.begin(), solutions.end(),
                                      [](const Solution& a, const Solution& b) { return a.score < b.score; });
   std::vector<Eigen::Vector3d> alternatives;
@@ -146,13 +159,20 @@ double LoopVerifier::wall_score(const Scene& scene, const Eigen::Isometry3d& T, 
   const std::size_t taken = std::min(count, limit);
   const Eigen::Matrix3d R = T.linear();
   double sum = 0.0;
-  for (std::size_t k = 0; k < taken; ++k) {
-    const Scene::WallPoint& wall = scene.walls[k * count / taken];
-    const Eigen::Vector3d p = T * wall.position;
-    const Cell* cell = scene.planes.find_plane(p, false);
-    if (cell == nullptr || std::abs(cell->axes.col(0).dot(R * wall.normal)) < kMinNormalCosine) continue;
-    const double residual = cell->axes.col(0).dot(p - cell->mean);
-    sum += std::max(0.0, 1.0 - std::abs(residual) / distance_m);
+  std::array<Eigen::Vector3d, kLookups> points;
+  std::array<const Cell*, kLookups> cells{};
+  for (std::size_t first = 0; first < taken; first += kLookups) {
+    const std::size_t size = std::min(kLookups, taken - first);
+    for (std::size_t k = 0; k < size; ++k) points[k] = T * scene.walls[(first + k) * count / taken].position;
+    scene.planes.find_planes(points.data(), size, false, cells.data());
+    for (std::size_t k = 0; k < size; ++k) {
+      if (cells[k] == nullptr) continue;
+      const Eigen::Vector3d normal = cells[k]->axes.col(0);
+      if (std::abs(normal.dot(R * scene.walls[(first + k) * count / taken].normal)) < kMinNormalCosine)
+        continue;
+      const double residual = normal.dot(points[k] - cells[k]->mean);
+      sum += std::max(0.0, 1.0 - std::abs(residual) / distance_m);
+    }
   }
   return taken == 0 ? 0.0 : sum / static_cast<double>(taken);
 }
@@ -193,8 +213,11 @@ std::vector<Eigen::Isometry3d> LoopVerifier::search(const Scene& scene,
 }
 
 /// Gauss-Newton with the prediction as a weak prior, so that what the surfaces do not determine stays.
-LoopVerifier::Solution LoopVerifier::refine(const Scene& scene, const Eigen::Isometry3d& T_start,
-                                            const RegistrationStart& start) const {
+/// Nothing when it leads to one of the solutions `found`.
+std::optional<LoopVerifier::Solution> LoopVerifier::refine(const Scene& scene,
+                                                           const Eigen::Isometry3d& T_start,
+                                                           const RegistrationStart& start,
+                                                           const std::vector<Solution>& found) const {
   Matrix6d prior = Matrix6d::Zero();
   prior.diagonal().head<3>().setConstant(std::pow(start.sigma_rotation_rad, -2));
   prior.diagonal().tail<3>().setConstant(std::pow(start.sigma_translation_m, -2));
@@ -203,6 +226,11 @@ LoopVerifier::Solution LoopVerifier::refine(const Scene& scene, const Eigen::Iso
   MatchSettings settings;
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     settings.wide = iteration < kWideIterations;
+    if (!settings.wide && std::any_of(found.begin(), found.end(), [&solution](const Solution& other) {
+          const Vector6d apart = difference(other.T, solution.T);
+          return apart.head<3>().norm() < kJoinedRad && apart.tail<3>().norm() < kJoinedM;
+        }))
+      return std::nullopt;
     settings.max_residual_m =
         std::max(kEndResidualM, kStartResidualM * (1.0 - static_cast<double>(iteration) / kWideIterations));
     solution.information =

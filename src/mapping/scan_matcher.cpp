@@ -7,6 +7,7 @@
 
 #include "fdi_lio/common/key_index.hpp"
 #include "fdi_lio/common/parallel.hpp"
+#include "fdi_lio/mapping/product_sum.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -25,20 +26,16 @@ constexpr double kPredictionFactorSq = 4.0;
 
 /// Normal equations of some residuals.
 struct Sum {
-  Matrix6d H = Matrix6d::Zero();
-  Matrix6d noise = Matrix6d::Zero();  ///< that the errors of the Jacobians add to H
-  Vector6d b = Vector6d::Zero();
-  Vector6d bias = Vector6d::Zero();  ///< that the errors of the Jacobians give b on the average
+  ProductSum products;
+  ProductSum noise;  ///< what the errors of the Jacobians add to them on the average
   Eigen::Vector3d first_moment = Eigen::Vector3d::Zero();  ///< of the features, body frame
   double second_moment = 0.0;
   double squared_error = 0.0;
   std::size_t count = 0;
 
   Sum& operator+=(const Sum& other) {
-    H += other.H;
-    noise += other.noise;
-    b += other.b;
-    bias += other.bias;
+    products.add(other.products);
+    noise.add(other.noise);
     first_moment += other.first_moment;
     second_moment += other.second_moment;
     squared_error += other.squared_error;
@@ -185,16 +182,13 @@ void Residuals::add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residu
   if (r * r > settings_.max_deviation * settings_.max_deviation * residual.variance) return;
   const double fit = robust_weight(r, residual.variance, mapping_.robust_scale);
   const double information = weight * fit / residual.variance;
-  const Vector6d J = jacobian(p_imu, residual.gradient);
-  sum->H.noalias() += information * J * J.transpose();
-  sum->b.noalias() += information * r * J;
+  sum->products.add(information, jacobian(p_imu, residual.gradient), r);
   const Eigen::Vector3d offset = in_map(p_imu) - cell.mean;
   for (int axis = residual.first_slope; axis < 3; ++axis) {
     if (cell.variances[axis] <= cell.variances[0]) continue;
     const double slope = residual.slope_variance / cell.variances[axis];
-    const Vector6d error = jacobian(p_imu, cell.axes.col(axis));
-    sum->noise.noalias() += information * slope * error * error.transpose();
-    sum->bias.noalias() += information * slope * cell.axes.col(axis).dot(offset) * error;
+    sum->noise.add(information * slope, jacobian(p_imu, cell.axes.col(axis)),
+                   cell.axes.col(axis).dot(offset));
   }
   sum->first_moment += p_imu;
   sum->second_moment += p_imu.squaredNorm();
@@ -260,10 +254,10 @@ LidarInformation Residuals::finish(const Eigen::Quaterniond& q_odom_imu, const S
   information.q_odom_imu = q_odom_imu;
   information.t_odom_imu = t_;
   // Neighbouring residuals share the errors of the map and of the beam calibration.
-  information.H = sum.H / mapping_.correlation_factor;
-  information.b = sum.b / mapping_.correlation_factor;
-  information.bias = sum.bias / mapping_.correlation_factor;
-  information.noise_information = sum.noise / mapping_.correlation_factor;
+  information.H = sum.products.H() / mapping_.correlation_factor;
+  information.b = sum.products.b() / mapping_.correlation_factor;
+  information.bias = sum.noise.b() / mapping_.correlation_factor;
+  information.noise_information = sum.noise.H() / mapping_.correlation_factor;
   information.squared_error = sum.squared_error;
   information.independent = static_cast<double>(sum.count) / mapping_.correlation_factor;
   if (sum.count == 0) return information;

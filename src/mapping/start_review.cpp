@@ -11,8 +11,6 @@ namespace fdi_lio::mapping {
 
 namespace {
 
-constexpr std::size_t kFirstQuestion = 8;
-constexpr std::size_t kBetweenQuestions = 4;
 constexpr std::size_t kLastQuestion = 16;
 constexpr float kGroundReachM = 20.0F;
 constexpr double kMostTilt = 20.0 * M_PI / 180.0;
@@ -76,9 +74,8 @@ Eigen::Vector3d StartReview::up() const {
 }
 
 std::optional<MovingStart> StartReview::find_motion(bool has_witness) {
-  if (scans_.size() < kFirstQuestion || (scans_.size() - kFirstQuestion) % kBetweenQuestions != 0)
-    return std::nullopt;
-  if (may_stand()) return std::nullopt;
+  if (scans_.size() < next_question_ || may_stand()) return std::nullopt;
+  next_question_ = kLastQuestion;
   const Eigen::Vector3d known_way = R_level_odom_ * (newest_t_odom_imu_ - first_t_odom_imu_);
   const BrightnessMotion motion = find_brightness_motion(scans_, known_way);
   const bool is_sure = motion.lead >= (has_witness && !motion.is_known ? kLeadOverWitness : kSureLead);

@@ -83,12 +83,12 @@ struct VoxelMap::Dirty {
 };
 
 VoxelMap::VoxelMap(const VoxelMapConfig& config)
-    : config_(config), block_size_m_(4.0 * config.voxel_size_m) {}
+    : config_(config), block_size_m_(4.0 * config.voxel_size_m), blocks_per_m_(1.0 / block_size_m_) {}
 
 VoxelMap::Address VoxelMap::address_of(const Eigen::Vector3d& point) const {
   Address address{0, {0, 1, 9}};
   for (int axis = 0; axis < 3; ++axis) {
-    const double scaled = point[axis] / block_size_m_;
+    const double scaled = point[axis] * blocks_per_m_;
     const std::int64_t index = floor_of(scaled);
     address.key = (address.key << 21) | (static_cast<Key>(index + kKeyOffset) & 0x1fffff);
     const int fine = std::clamp(static_cast<int>((scaled - static_cast<double>(index)) * 4.0), 0, 3);
@@ -147,10 +147,6 @@ void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vec
         add(points[first + k], intensities[first + k], slot, &blocks[k]->cells[slot], &dirty);
     }
   }
-  // A cell that grew twice in one scan is listed twice: no two threads may share it.
-  std::sort(dirty.begin(), dirty.end(), [](const Dirty& a, const Dirty& b) { return a.cell < b.cell; });
-  const auto same_cell = [](const Dirty& a, const Dirty& b) { return a.cell == b.cell; };
-  dirty.erase(std::unique(dirty.begin(), dirty.end(), same_cell), dirty.end());
   parallel_chunks(dirty.size(), 256, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t i = begin; i < end; ++i) {
       update_axes(config_.voxel_size_m * (1 << dirty[i].level), dirty[i].reference);
@@ -173,6 +169,8 @@ void VoxelMap::add(const Eigen::Vector3d& point, float intensity, int slot, Cell
   if (cell->count < config_.min_points) return;
   if (has_enough_scans || cell->count_at_update == 0 || cell->count >= kGrowth * cell->count_at_update) {
     cell->count_at_update = cell->count;
+    if (cell->listed_at == scans_) return;  // no two threads may share it
+    cell->listed_at = scans_;
     dirty->push_back({reference->cell(), level_of(slot), reference});
   }
 }

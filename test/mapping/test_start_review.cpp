@@ -66,7 +66,7 @@ TEST(StartReview, WaitsWhileACalmImuMayYetSayThatTheSensorStands) {
     add_scan(SyntheticRoad(), k, 22.0, 0.0, &review, 0.5 * ImuConfig().static_duration_s);
   EXPECT_FALSE(review.find_motion(false));
   EXPECT_FALSE(review.is_over());
-  for (int k = 8; k < 12; ++k) add_scan(SyntheticRoad(), k, 22.0, 0.0, &review);
+  add_scan(SyntheticRoad(), 8, 22.0, 0.0, &review);
   EXPECT_TRUE(review.find_motion(false));
 }
 

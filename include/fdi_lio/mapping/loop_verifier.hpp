@@ -1,7 +1,7 @@
 #pragma once
 
 #include <memory>
-#include <utility>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -35,7 +35,8 @@ class LoopVerifier {
   struct Scene;
   struct Solution;
 
-  Solution refine(const Scene& scene, const Eigen::Isometry3d& T_start, const RegistrationStart& start) const;
+  std::optional<Solution> refine(const Scene& scene, const Eigen::Isometry3d& T_start,
+                                 const RegistrationStart& start, const std::vector<Solution>& found) const;
   Scene make_scene(const std::vector<PlacedCloud>& target, const std::vector<PlacedCloud>& source) const;
   double wall_score(const Scene& scene, const Eigen::Isometry3d& T, std::size_t limit,
                     double distance_m) const;

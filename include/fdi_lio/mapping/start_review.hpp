@@ -40,10 +40,10 @@ class StartReview {
   /// `state` is what was estimated for the scan.
   void add(EstimatorInput input, const imu::NavState& state);
 
-  /// The motion at the start, once the scans say that it was clearly another one than estimated. After 8,
-  /// 12 and 16 scans, but not while the IMU may yet find that the sensor stands; the review is over when they
-  /// are sure of it, or after the last. `has_witness`: surfaces that stand told the estimated one from the
-  /// first two scans alone; it then takes more to overrule it.
+  /// The motion at the start, once the scans say that it was clearly another one than estimated. They are
+  /// asked after 8 scans, or as soon as the IMU cannot find any more that the sensor stands, and after 16;
+  /// the review is over when they are sure, or after the last. `has_witness`: surfaces that stand told the
+  /// estimated one from the first two scans alone; it then takes more to overrule it.
   std::optional<MovingStart> find_motion(bool has_witness);
 
   bool is_over() const { return is_over_; }
@@ -64,6 +64,7 @@ class StartReview {
   Eigen::Quaterniond q_odom_imu_ = Eigen::Quaterniond::Identity();  ///< of the newest scan, by the gyro alone
   Eigen::Vector3d first_t_odom_imu_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d newest_t_odom_imu_ = Eigen::Vector3d::Zero();
+  std::size_t next_question_ = 8;  ///< number of scans
   bool is_over_ = false;
 };
 

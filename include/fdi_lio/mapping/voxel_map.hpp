@@ -23,6 +23,7 @@ struct Cell {
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();   ///< columns, smallest variance first
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();    ///< sum of squared deviations from the mean
   float mean_intensity = 0.0F;
+  std::uint32_t listed_at = 0;     ///< number of the newest insertion after which the axes are computed again
   double intensity_scatter = 0.0;  ///< sum of squared deviations from the mean intensity
   /// Sum of (position - mean) (intensity - mean intensity).
   Eigen::Vector3d cross_scatter = Eigen::Vector3d::Zero();
@@ -159,6 +160,7 @@ class VoxelMap {
 
   VoxelMapConfig config_;
   double block_size_m_;
+  double blocks_per_m_;
   KeyIndex index_;  ///< of the blocks
   Pool<Block> blocks_;
   Pool<Cell> cells_;
