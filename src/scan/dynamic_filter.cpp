@@ -25,6 +25,11 @@ constexpr float kLeastWay = 1.0F;
 /// An object takes in so many times the cells that were seen to move: what hides behind it grows no farther.
 constexpr std::size_t kMostGrowth = 6;
 
+/// What is below a moving point, nearer to its plumb line than this and no deeper, moves with it: where feet
+/// and wheels touch the ground, no scan can have looked through them [m].
+constexpr float kFootM = 0.2F;
+constexpr float kFootDepthM = 0.4F;
+
 /// Calls `use(k, ring, column, range)` for each of `points` that `image` looked towards: the cell,
 /// and how far away the point would have been.
 template <typename Use>
@@ -93,6 +98,25 @@ class ObjectGrower {
     });
   }
 
+  /// Takes into `members` the cells that `accept` and that lead down from one of them, `up` in the lidar
+  /// frame.
+  template <typename Accept>
+  void take_feet(const Eigen::Vector3f& up, const Accept& accept, std::vector<std::size_t>* members) {
+    const std::size_t above = members->size();
+    for (std::size_t k = 0; k < above; ++k) {
+      const Eigen::Vector3f top = position((*members)[k]);
+      const auto is_foot = [&](std::size_t at) {
+        const Eigen::Vector3f down = top - position(at);
+        const float depth = up.dot(down);
+        return depth > 0.0F && depth <= kFootDepthM &&
+               down.squaredNorm() - depth * depth <= kFootM * kFootM && accept(at);
+      };
+      std::size_t next = members->size();
+      visit_neighbours((*members)[k], is_foot, members);
+      for (; next < members->size(); ++next) visit_neighbours((*members)[next], is_foot, members);
+    }
+  }
+
   /// Number of cells that `accept` and that touch one of `members`.
   template <typename Accept>
   std::size_t count_touching(const std::vector<std::size_t>& members, const Accept& accept) const {
@@ -111,7 +135,7 @@ class ObjectGrower {
     const auto columns = static_cast<std::size_t>(columns_);
     const int ring = static_cast<int>(at / columns);
     const int column = static_cast<int>(at % columns);
-    const Eigen::Vector3f& p = scan_.points[point_of(at)].position;
+    const Eigen::Vector3f& p = position(at);
     for (const int other : {ring - 1, ring + 1}) {
       if (other < 0 || other >= image_.rings()) continue;
       const std::uint32_t j = point_of(other, column);
@@ -129,7 +153,7 @@ class ObjectGrower {
     const auto columns = static_cast<std::size_t>(columns_);
     const int ring = static_cast<int>(from / columns);
     const int column = static_cast<int>(from % columns);
-    const Eigen::Vector3f& p = scan_.points[point_of(from)].position;
+    const Eigen::Vector3f& p = position(from);
     const float reach =
         static_cast<float>(config_.touch_distance_m) + static_cast<float>(config_.touch_share) * p.norm();
     for (int dr = -2; dr <= 2; ++dr) {
@@ -142,6 +166,8 @@ class ObjectGrower {
       }
     }
   }
+
+  const Eigen::Vector3f& position(std::size_t at) const { return scan_.points[point_of(at)].position; }
 
   const DeskewedScan& scan_;
   const RangeImage& image_;
@@ -349,6 +375,9 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
     };
     for (std::size_t next = 0; next < members.size(); ++next)
       grower.visit_neighbours(members[next], joins, &members);
+    grower.take_feet(
+        up, [&](std::size_t at) { return evidence[at] != Evidence::kFree && !grower.is_level(at, up); },
+        &members);
     for (const std::size_t at : members) {
       of_cell[at] =
           evidence[at] == Evidence::kFree ? RemovalReason::kFreeSpace : RemovalReason::kPartOfObject;

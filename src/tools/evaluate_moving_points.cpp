@@ -140,7 +140,7 @@ class Score {
         << ",\n  \"moving_removed\": " << share(moving_removed_, moving_kept_)
         << ",\n  \"static_kept\": " << share(static_kept_, static_removed_)
         << ",\n  \"ghost_voxels_of_scans\": " << share(ghosts_before, fixed_before)
-        << ",\n  \"ghost_voxels\": " << share(ghosts, fixed)
+        << ",\n  \"ghost_voxels\": " << share(ghosts, fixed) << ",\n  \"static_voxels\": " << fixed
         << ",\n  \"static_voxels_kept\": " << share(fixed, fixed_before - std::min(fixed, fixed_before))
         << ",\n  \"reasons\": {";
     const char* separator = "";
