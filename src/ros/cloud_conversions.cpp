@@ -91,8 +91,9 @@ DeskewedCloudPtr to_message(const DeskewedScan& scan, const std::string& lidar_f
   message->header.frame_id = lidar_frame;
   message->duration = scan.duration_s;
   message->has_intensity = scan.has_intensity;
-  for (int axis = 0; axis < 3; ++axis)
-    message->sweep_start[static_cast<std::size_t>(axis)] = scan.sweep_start[axis];
+  Eigen::Map<Eigen::Vector3f>(message->sweep_start.data()) = scan.sweep.start;
+  for (std::size_t k = 0; k < scan.sweep.axes.size(); ++k)
+    Eigen::Map<Eigen::Vector3f>(message->sweep_axes.data() + 3 * k) = scan.sweep.axes[k];
   message->ring_begin = scan.ring_begin;
   message->points = to_cloud(scan.points, scan.stamp, lidar_frame);
   message->intensity_level = scan.intensity_level;
@@ -109,8 +110,9 @@ DeskewedScan to_scan(const DeskewedCloud& message) {
   scan.stamp = to_stamp(message.header.stamp);
   scan.duration_s = message.duration;
   scan.has_intensity = message.has_intensity != 0;
-  for (int axis = 0; axis < 3; ++axis)
-    scan.sweep_start[axis] = message.sweep_start[static_cast<std::size_t>(axis)];
+  scan.sweep.start = Eigen::Map<const Eigen::Vector3f>(message.sweep_start.data());
+  for (std::size_t k = 0; k < scan.sweep.axes.size(); ++k)
+    scan.sweep.axes[k] = Eigen::Map<const Eigen::Vector3f>(message.sweep_axes.data() + 3 * k);
   scan.points = to_points(message.points);
   scan.ring_begin = message.ring_begin;
   if (!scan.ring_begin.empty() && scan.ring_begin.back() != scan.points.size())

@@ -77,7 +77,13 @@ class TransformTable {
     }
   }
 
-  const Eigen::Vector3f& sweep_start() const { return transforms_.front().t; }
+  Sweep sweep() const {
+    Sweep sweep;
+    sweep.start = transforms_.front().t;
+    for (int k = 0; k <= Sweep::kSteps; ++k)
+      sweep.axes[static_cast<std::size_t>(k)] = transforms_[k * kIntervals / Sweep::kSteps].R.col(2);
+    return sweep;
+  }
 
   void apply(Point* point) const {
     const float position = (point->time_s + duration_s_) / duration_s_ * static_cast<float>(kIntervals);
@@ -115,14 +121,13 @@ void sort_ring(std::vector<Point>::iterator begin, std::vector<Point>::iterator 
 
 }  // namespace
 
-Eigen::Vector3f deskew(Scan* scan, const std::vector<imu::NavState>& trajectory,
-                       const Eigen::Isometry3d& T_imu_lidar) {
-  if (trajectory.size() < 2 || !scan->has_time || scan->duration_s <= 0.0) return Eigen::Vector3f::Zero();
+Sweep deskew(Scan* scan, const std::vector<imu::NavState>& trajectory, const Eigen::Isometry3d& T_imu_lidar) {
+  if (trajectory.size() < 2 || !scan->has_time || scan->duration_s <= 0.0) return {};
   const TransformTable table(trajectory, scan->stamp, scan->duration_s, T_imu_lidar);
   parallel_chunks(scan->points.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
     for (std::size_t i = begin; i < end; ++i) table.apply(&scan->points[i]);
   });
-  return table.sweep_start();
+  return table.sweep();
 }
 
 DeskewedScan order_by_ring(const Scan& scan) {

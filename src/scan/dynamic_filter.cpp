@@ -18,8 +18,6 @@ constexpr double kRevisedM = 2.0;   ///< no prediction of one scan is as far off
 /// What one of so many scans has seen where it is, and not moving, while none has looked through, is static;
 /// the others are not asked about it. Most points are.
 constexpr std::size_t kAskedFirst = 2;
-/// Scans that look through, before those do not count that saw something move there.
-constexpr int kLeastFree = 2;
 /// Of the sensor, before something that kept its place to it stands out [m].
 constexpr float kLeastWay = 1.0F;
 /// An object takes in so many times the cells that were seen to move: what hides behind it grows no farther.
@@ -280,9 +278,9 @@ std::vector<DynamicFilter::Evidence> DynamicFilter::weigh(const std::vector<Eige
 
   std::vector<Evidence> evidence(points.size(), Evidence::kUnknown);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    // What moved then is no witness of standing still. One scan alone that looks through is too little to say
-    // so: what was once taken for moving by mistake would stay so.
-    const int fixed = votes[i].free >= kLeastFree ? votes[i].fixed - votes[i].moved : votes[i].fixed;
+    // What moved then is no witness of standing still, where another scan looks through. Without one it is:
+    // what was once taken for moving by mistake would stay so.
+    const int fixed = votes[i].free > 0 ? votes[i].fixed - votes[i].moved : votes[i].fixed;
     if (fixed > 0 && fixed >= votes[i].free) {
       evidence[i] = Evidence::kStatic;
     } else if (votes[i].free > 0) {

@@ -54,7 +54,13 @@ float ago(const DeskewedScan& scan, const Point& point) {
 
 /// A point as seen from where the lidar was then.
 Eigen::Vector3f from_origin(const DeskewedScan& scan, const Point& point) {
-  return point.position - ago(scan, point) * scan.sweep_start;
+  return point.position - scan.sweep.origin(ago(scan, point));
+}
+
+/// The sine of the angle between a beam and the plane at right angles to the lidar's axis.
+float sine_of_beam(const DeskewedScan& scan, const Point& point) {
+  const Eigen::Vector3f direction = from_origin(scan, point);
+  return scan.sweep.axis(ago(scan, point)).dot(direction) / direction.norm();
 }
 
 }  // namespace
@@ -91,8 +97,7 @@ void RangeImage::learn_elevations(const DeskewedScan& scan) {
     double sum = 0.0;
     std::uint32_t count = 0;
     for (std::uint32_t i = scan.ring_begin[ring]; i < scan.ring_begin[ring + 1]; i += 5) {
-      const Eigen::Vector3f direction = from_origin(scan, scan.points[i]);
-      sum += direction.z() / direction.norm();
+      sum += sine_of_beam(scan, scan.points[i]);
       ++count;
     }
     if (count > 0) beams.push_back({static_cast<float>(sum / count), ring});
@@ -156,7 +161,7 @@ void RangeImage::remove(const std::vector<RemovalReason>& reasons) {
 }
 
 void RangeImage::learn_origins(const DeskewedScan& scan) {
-  sweep_start_ = scan.sweep_start;
+  sweep_start_ = scan.sweep.start;
   seen_ago_.assign(static_cast<std::size_t>(columns_), -1.0F);
   for (const Point& point : scan.points) seen_ago_[point.column] = ago(scan, point);
   // Columns without a point are as old as the one before; two rounds, since it may be at the other end.
@@ -167,6 +172,12 @@ void RangeImage::learn_origins(const DeskewedScan& scan) {
       if (each < 0.0F && round == 1) each = last;
     }
   }
+  constexpr float kNegligible = 1e-3F;  // rad
+  turns_ = std::any_of(scan.sweep.axes.begin(), scan.sweep.axes.end(),
+                       [](const Eigen::Vector3f& axis) { return axis.head<2>().norm() > kNegligible; });
+  axes_.clear();
+  if (!turns_) return;
+  for (const float each : seen_ago_) axes_.push_back(scan.sweep.axis(each));
 }
 
 FDI_LIO_WIDE_VECTORS void RangeImage::move_to_origins(Directions* directions) const {
@@ -227,8 +238,15 @@ FDI_LIO_WIDE_VECTORS void RangeImage::look_at(const Eigen::Isometry3f& T, Direct
   }
   move_to_origins(directions);
   project(directions);
+  Directions::Floats height = d.z;  // over the plane at right angles to the lidar's axis
+  if (turns_) {
+    for (int k = 0; k < Directions::kSize; ++k) {
+      const Eigen::Vector3f& axis = axes_[static_cast<std::size_t>(d.column[k])];
+      height[k] = axis.x() * d.x[k] + axis.y() * d.y[k] + axis.z() * d.z[k];
+    }
+  }
   for (int k = 0; k < Directions::kSize; ++k) {
-    const float sine = d.z[k] / std::max(d.range_m[k], std::numeric_limits<float>::min());
+    const float sine = height[k] / std::max(d.range_m[k], std::numeric_limits<float>::min());
     d.ring[k] = elevation_bin(sine, kElevationBins);
   }
   for (int k = 0; k < Directions::kSize; ++k)

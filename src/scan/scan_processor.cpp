@@ -64,9 +64,9 @@ std::vector<imu::NavState> ScanProcessor::predict(const Scan& scan, const std::o
 }
 
 DeskewedScan ScanProcessor::make_ordered(Scan* scan, const std::vector<imu::NavState>& trajectory) {
-  const Eigen::Vector3f sweep_start = deskew(scan, trajectory, config_.sensor.T_imu_lidar());
+  const Sweep sweep = deskew(scan, trajectory, config_.sensor.T_imu_lidar());
   DeskewedScan ordered = order_by_ring(*scan);
-  ordered.sweep_start = sweep_start;
+  ordered.sweep = sweep;
   image_.build(&ordered);
   const std::vector<RemovalReason> isolated = find_isolated(ordered, image_, config_.isolation);
   if (!isolated.empty()) {

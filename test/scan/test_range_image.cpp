@@ -125,7 +125,7 @@ DeskewedScan driven_sweep() {
   constexpr int kColumns = 900;
   DeskewedScan scan;
   scan.duration_s = 0.1;
-  scan.sweep_start = Eigen::Vector3f(-3.0F, 0.0F, 0.0F);
+  scan.sweep.start = Eigen::Vector3f(-3.0F, 0.0F, 0.0F);
   scan.ring_begin.push_back(0);
   for (int ring = 0; ring < kRings; ++ring) {
     for (int column = 0; column < kColumns; ++column) {
@@ -134,7 +134,7 @@ DeskewedScan driven_sweep() {
       const float elevation = 0.02F * (static_cast<float>(ring) - 7.5F);
       const float range = column % 40 < 20 ? 4.0F : 30.0F;
       Point point;
-      point.position = (1.0F - share) * scan.sweep_start +
+      point.position = (1.0F - share) * scan.sweep.start +
                        range * Eigen::Vector3f(std::cos(elevation) * std::cos(azimuth),
                                                std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
       point.time_s = -0.1F * (1.0F - share);
@@ -163,7 +163,7 @@ TEST(RangeImage, LooksFromWhereTheSensorWasInTheSweep) {
     EXPECT_NEAR(image.look_at(point.position).range_m, i % 900 % 40 < 20 ? 4.0F : 30.0F, 0.1F) << i;
   }
   // Seen from the end of the sweep alone a ring is no cone.
-  scan.sweep_start.setZero();
+  scan.sweep.start.setZero();
   image.build(&scan);
   EXPECT_GT(misplaced(scan, image), 0.1);
 }

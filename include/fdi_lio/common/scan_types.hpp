@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -51,13 +52,32 @@ enum class RemovalReason : std::uint8_t {
   kIsolated = 4,      ///< no surface and no object: dust, rain, snow
 };
 
+/// How the lidar moved during a sweep, in its frame at the stamp of the scan. `ago`: how long before the end,
+/// as a share of the sweep.
+struct Sweep {
+  static constexpr int kSteps = 8;
+
+  Sweep() { axes.fill(Eigen::Vector3f::UnitZ()); }
+
+  /// Where it was when a point was seen [m].
+  Eigen::Vector3f origin(float ago) const { return ago * start; }
+
+  /// Its z axis then, which a ring is a cone about.
+  Eigen::Vector3f axis(float ago) const {
+    const float position = (1.0F - ago) * static_cast<float>(kSteps);
+    const auto step = static_cast<std::size_t>(std::clamp(static_cast<int>(position), 0, kSteps - 1));
+    return axes[step] + (position - static_cast<float>(step)) * (axes[step + 1] - axes[step]);
+  }
+
+  Eigen::Vector3f start = Eigen::Vector3f::Zero();  ///< where it was at the beginning [m]
+  std::array<Eigen::Vector3f, kSteps + 1> axes;     ///< z axis at the beginning and after each eighth
+};
+
 /// A sweep moved to one instant, ordered ring by ring and by azimuth within each ring.
 struct DeskewedScan {
   Stamp stamp = 0;
   double duration_s = 0.0;
-  /// Where the lidar was when the sweep began, in its frame at `stamp` [m]: a point of time t was seen from
-  /// about -t / duration_s of it. Zero where that is not known.
-  Eigen::Vector3f sweep_start = Eigen::Vector3f::Zero();
+  Sweep sweep;                            ///< at rest where its motion is not known
   std::vector<Point> points;              ///< lidar frame at `stamp`
   std::vector<std::uint32_t> ring_begin;  ///< ring r is points[ring_begin[r], ring_begin[r + 1])
   bool has_intensity = false;

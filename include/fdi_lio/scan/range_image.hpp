@@ -12,9 +12,10 @@ namespace fdi_lio::scan {
 
 /// A deskewed scan by ring and azimuth: row = ring (0 is the lowest), column = clockwise from behind. A cell
 /// holds at most one point, the nearest that fell into it. Ranges and directions are those from where the
-/// lidar was when it looked (`DeskewedScan::sweep_start`): at 30 m/s that is up to 3 m from where the sweep
-/// ended, and seen from there a ring is no cone. Neighbours in space are looked for in a window of cells, at
-/// constant cost.
+/// lidar was when it looked (`DeskewedScan::sweep`): at 30 m/s that is up to 3 m from where the sweep
+/// ended, and seen from there a ring is no cone. Nor is it one about the axis at the end, when the lidar
+/// nods: in a hand that is up to 10 degrees a sweep. Neighbours in space are looked for in a window of cells,
+/// at constant cost.
 class RangeImage {
  public:
   static constexpr std::uint32_t kNone = 0xFFFFFFFFU;
@@ -89,6 +90,8 @@ class RangeImage {
   std::vector<float> range_;
   Eigen::Vector3f sweep_start_ = Eigen::Vector3f::Zero();
   std::vector<float> seen_ago_;                              ///< of each column, as a share of the sweep
+  bool turns_ = false;                                       ///< the lidar's axis, during the sweep
+  std::vector<Eigen::Vector3f> axes_;                        ///< of each column, if it turns
   std::array<std::int16_t, kElevationBins> ring_of_sine_{};  ///< -1: no beam looks there
 };
 
