@@ -60,6 +60,9 @@ TEST_F(Conversions, AScanKeepsEveryBit) {
   scan.has_intensity = true;
   scan.intensity_gradient.assign(10, 0.25F);
   scan.removed = points(3);
+  scan.sweep.start = Eigen::Vector3f(1.0F, -2.0F, 0.5F);
+  for (std::size_t k = 0; k < scan.sweep.axes.size(); ++k)
+    scan.sweep.axes[k] = Eigen::Vector3f(0.01F * static_cast<float>(k), 0.02F, 0.999F);
   const DeskewedScan back = to_scan(*to_message(scan, "lidar"));
   EXPECT_EQ(back.stamp, scan.stamp);
   EXPECT_EQ(back.duration_s, scan.duration_s);
@@ -68,6 +71,8 @@ TEST_F(Conversions, AScanKeepsEveryBit) {
   EXPECT_EQ(back.intensity_gradient, scan.intensity_gradient);
   expect_equal(back.points, scan.points);
   expect_equal(back.removed, scan.removed);
+  EXPECT_EQ(back.sweep.start, scan.sweep.start);
+  EXPECT_EQ(back.sweep.axes, scan.sweep.axes);
 }
 
 TEST_F(Conversions, FeaturesKeepEveryBit) {

@@ -16,9 +16,9 @@ Eigen::Isometry3d pose(double t) {
   return T;
 }
 
-class Sweep : public testing::Test {
+class TurningSweep : public testing::Test {
  protected:
-  Sweep() {
+  TurningSweep() {
     T_imu_lidar_.linear() = so3::exp(Eigen::Vector3d(0.2, -0.1, 1.0));
     T_imu_lidar_.translation() = Eigen::Vector3d(0.3, -0.2, 0.5);
     scan_.stamp = to_nanoseconds(101.0);
@@ -41,7 +41,7 @@ class Sweep : public testing::Test {
   std::vector<Eigen::Vector3d> truth_odom_;
 };
 
-TEST_F(Sweep, PutsPointsWhereTheStillWorldIs) {
+TEST_F(TurningSweep, PutsPointsWhereTheStillWorldIs) {
   const imu::SyntheticMotion motion;
   const auto trajectory = imu::propagate(motion.state(0.9), motion.samples(0.85, 1.05, 400.0), scan_.stamp);
   deskew(&scan_, trajectory, T_imu_lidar_);
@@ -51,7 +51,21 @@ TEST_F(Sweep, PutsPointsWhereTheStillWorldIs) {
   }
 }
 
-TEST_F(Sweep, WithoutTimeOrTrajectoryPointsStay) {
+TEST_F(TurningSweep, TellsHowTheLidarMoved) {
+  const imu::SyntheticMotion motion;
+  const auto trajectory = imu::propagate(motion.state(0.9), motion.samples(0.85, 1.05, 400.0), scan_.stamp);
+  const Sweep sweep = deskew(&scan_, trajectory, T_imu_lidar_);
+  const Eigen::Isometry3d T_end_odom = (pose(1.0) * T_imu_lidar_).inverse();
+  for (const double ago : {0.0, 0.05, 0.25, 0.5, 0.8, 1.0}) {
+    const Eigen::Isometry3d T_end_lidar = T_end_odom * pose(1.0 - 0.1 * ago) * T_imu_lidar_;
+    const auto share = static_cast<float>(ago);
+    EXPECT_LT((sweep.axis(share) - T_end_lidar.linear().col(2).cast<float>()).norm(), 1e-3F) << ago;
+    // The way is taken for straight.
+    EXPECT_LT((sweep.origin(share) - T_end_lidar.translation().cast<float>()).norm(), 0.01F) << ago;
+  }
+}
+
+TEST_F(TurningSweep, WithoutTimeOrTrajectoryPointsStay) {
   Scan copy = scan_;
   deskew(&copy, {}, T_imu_lidar_);
   EXPECT_EQ(copy.points[10].position, scan_.points[10].position);
@@ -62,7 +76,7 @@ TEST_F(Sweep, WithoutTimeOrTrajectoryPointsStay) {
   EXPECT_EQ(copy.points[10].position, scan_.points[10].position);
 }
 
-TEST_F(Sweep, OrderIsByRingAndThenByTimeWhateverTheInput) {
+TEST_F(TurningSweep, OrderIsByRingAndThenByTimeWhateverTheInput) {
   Scan reversed = scan_;
   std::reverse(reversed.points.begin(), reversed.points.end());
   const DeskewedScan a = order_by_ring(scan_);

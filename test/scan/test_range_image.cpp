@@ -4,6 +4,7 @@
 #include "synthetic_scan.hpp"
 #include <gtest/gtest.h>
 
+#include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/scan/range_image.hpp"
 
 namespace fdi_lio::scan {
@@ -166,6 +167,45 @@ TEST(RangeImage, LooksFromWhereTheSensorWasInTheSweep) {
   scan.sweep.start.setZero();
   image.build(&scan);
   EXPECT_GT(misplaced(scan, image), 0.1);
+}
+
+/// A sweep from behind by a sensor in a hand, which nods by 0.2 rad and rolls by 0.15 meanwhile, walls at 5 m.
+DeskewedScan nodded_sweep() {
+  const SyntheticLidar lidar;
+  const auto attitude = [](float share) {
+    const double turned = static_cast<double>(share) - 1.0;
+    return so3::exp(turned * Eigen::Vector3d(0.15, 0.2, 0.0));
+  };
+  DeskewedScan scan;
+  scan.duration_s = 0.1;
+  for (int k = 0; k <= Sweep::kSteps; ++k) {
+    const float share = static_cast<float>(k) / Sweep::kSteps;
+    scan.sweep.axes[static_cast<std::size_t>(k)] = attitude(share).col(2).cast<float>();
+  }
+  scan.ring_begin.push_back(0);
+  for (int ring = 0; ring < lidar.rings; ++ring) {
+    for (int column = 0; column < lidar.columns; ++column) {
+      const float share = (static_cast<float>(column) + 0.5F) / static_cast<float>(lidar.columns);
+      Point point;
+      point.position = (5.0 * attitude(share) * lidar.direction(ring, column)).cast<float>();
+      point.time_s = -0.1F * (1.0F - share);
+      point.ring = static_cast<std::uint16_t>(ring);
+      scan.points.push_back(point);
+    }
+    scan.ring_begin.push_back(static_cast<std::uint32_t>(scan.points.size()));
+  }
+  return scan;
+}
+
+TEST(RangeImage, KnowsHowTheSensorNodsInTheSweep) {
+  DeskewedScan scan = nodded_sweep();
+  RangeImage image;
+  image.build(&scan);
+  EXPECT_LT(misplaced(scan, image), 0.02);
+  // About the axis at the end of the sweep alone a ring is no cone.
+  scan.sweep = Sweep();
+  image.build(&scan);
+  EXPECT_GT(misplaced(scan, image), 0.5);
 }
 
 TEST(RangeImage, ACellHoldsItsNearestPointAndColumnsWrap) {
