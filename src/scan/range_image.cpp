@@ -175,9 +175,16 @@ void RangeImage::learn_origins(const DeskewedScan& scan) {
   constexpr float kNegligible = 1e-3F;  // rad
   turns_ = std::any_of(scan.sweep.axes.begin(), scan.sweep.axes.end(),
                        [](const Eigen::Vector3f& axis) { return axis.head<2>().norm() > kNegligible; });
-  axes_.clear();
   if (!turns_) return;
-  for (const float each : seen_ago_) axes_.push_back(scan.sweep.axis(each));
+  axis_x_.resize(seen_ago_.size());
+  axis_y_.resize(seen_ago_.size());
+  axis_z_.resize(seen_ago_.size());
+  for (std::size_t column = 0; column < seen_ago_.size(); ++column) {
+    const Eigen::Vector3f axis = scan.sweep.axis(seen_ago_[column]);
+    axis_x_[column] = axis.x();
+    axis_y_[column] = axis.y();
+    axis_z_[column] = axis.z();
+  }
 }
 
 FDI_LIO_WIDE_VECTORS void RangeImage::move_to_origins(Directions* directions) const {
@@ -240,9 +247,12 @@ FDI_LIO_WIDE_VECTORS void RangeImage::look_at(const Eigen::Isometry3f& T, Direct
   project(directions);
   Directions::Floats height = d.z;  // over the plane at right angles to the lidar's axis
   if (turns_) {
+    const float* axis_x = axis_x_.data();
+    const float* axis_y = axis_y_.data();
+    const float* axis_z = axis_z_.data();
     for (int k = 0; k < Directions::kSize; ++k) {
-      const Eigen::Vector3f& axis = axes_[static_cast<std::size_t>(d.column[k])];
-      height[k] = axis.x() * d.x[k] + axis.y() * d.y[k] + axis.z() * d.z[k];
+      const std::int32_t column = d.column[k];
+      height[k] = axis_x[column] * d.x[k] + axis_y[column] * d.y[k] + axis_z[column] * d.z[k];
     }
   }
   for (int k = 0; k < Directions::kSize; ++k) {

@@ -91,7 +91,7 @@ class RangeImage {
   Eigen::Vector3f sweep_start_ = Eigen::Vector3f::Zero();
   std::vector<float> seen_ago_;                              ///< of each column, as a share of the sweep
   bool turns_ = false;                                       ///< the lidar's axis, during the sweep
-  std::vector<Eigen::Vector3f> axes_;                        ///< of each column, if it turns
+  std::vector<float> axis_x_, axis_y_, axis_z_;              ///< of each column, if it turns
   std::array<std::int16_t, kElevationBins> ring_of_sine_{};  ///< -1: no beam looks there
 };
 
