@@ -169,7 +169,8 @@ TEST(RangeImage, LooksFromWhereTheSensorWasInTheSweep) {
   EXPECT_GT(misplaced(scan, image), 0.1);
 }
 
-/// A sweep from behind by a sensor in a hand, which nods by 0.2 rad and rolls by 0.15 meanwhile, walls at 5 m.
+/// A sweep from behind by a sensor in a hand, which nods by 0.2 rad and rolls by 0.15 meanwhile, walls at 5
+/// m.
 DeskewedScan nodded_sweep() {
   const SyntheticLidar lidar;
   const auto attitude = [](float share) {
