@@ -2,6 +2,37 @@
 
 namespace fdi_lio::mapping {
 
+namespace {
+
+/// The place in the index is asked for so many points before it is needed.
+constexpr std::size_t kAhead = 16;
+
+}  // namespace
+
+void MapBuilder::add(const std::vector<Point>& points, const Eigen::Isometry3d& T_map) {
+  placed_.clear();
+  for_each_cell(points, T_map, voxel_m_,
+                [this](const Point& point, const Eigen::Vector3f& offset, const Eigen::Vector3i& cell) {
+                  placed_.push_back({cell, offset, point.intensity});
+                });
+  add(placed_);
+}
+
+void MapBuilder::add(const std::vector<VoxelPoint>& points) {
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    if (k + kAhead < points.size()) index_.prefetch(key_of(points[k + kAhead].cell));
+    add(points[k]);
+  }
+}
+
+void MapBuilder::add(const VoxelPoint& point) {
+  // Points come in the order of the beam: many fall into the voxel of the one before.
+  if (index_.size() == 0 || point.cell != last_->cell) last_ = voxel_of(point.cell);
+  last_->sum += point.offset;
+  last_->intensity_sum += point.intensity;
+  ++last_->count;
+}
+
 MapBuilder::Voxel* MapBuilder::voxel_of(const Eigen::Vector3i& cell) {
   const std::size_t known = index_.size();
   const std::uint32_t number = index_.find_or_add(key_of(cell));

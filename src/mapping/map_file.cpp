@@ -144,22 +144,15 @@ std::vector<Batch> make_batches(const MapSource& source, std::vector<Point> Keyf
   return batches;
 }
 
-/// A point of a cloud and the voxel that it lies in.
-struct Placed {
-  Eigen::Vector3i cell;
-  Eigen::Vector3f offset;
-  float intensity;
-};
-
 /// Points of one cloud by tile.
-using Shares = std::map<std::uint32_t, std::vector<Placed>>;
+using Shares = std::map<std::uint32_t, std::vector<VoxelPoint>>;
 
 /// Those in the tiles of the batch.
 Shares shares_of(const std::vector<Point>& points, const Eigen::Isometry3d& T_map_imu, double voxel_m,
                  const Batch& batch, const TileNumbers& numbers) {
   Shares shares;
   std::uint64_t last_key = 0;
-  std::vector<Placed>* last = nullptr;  // points come in the order of the beam: many fall into one tile
+  std::vector<VoxelPoint>* last = nullptr;  // points come in the order of the beam: many fall into one tile
   bool is_first = true;
   for_each_cell(points, T_map_imu, voxel_m,
                 [&](const Point& point, const Eigen::Vector3f& offset, const Eigen::Vector3i& cell) {
@@ -186,8 +179,7 @@ std::vector<MapBuilder> build_tiles(const MapSource& source, std::vector<Point> 
     parallel_chunks(tiles.size(), 1, [&](std::size_t tile, std::size_t, std::size_t) {
       for (const Shares& shares : waiting) {
         const auto share = shares.find(batch.begin + static_cast<std::uint32_t>(tile));
-        if (share == shares.end()) continue;
-        for (const Placed& point : share->second) tiles[tile].add(point.cell, point.offset, point.intensity);
+        if (share != shares.end()) tiles[tile].add(share->second);
       }
     });
     waiting.clear();

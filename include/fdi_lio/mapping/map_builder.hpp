@@ -44,6 +44,13 @@ void for_each_cell(const std::vector<Point>& points, const Eigen::Isometry3d& T_
   }
 }
 
+/// A point of a cloud that was moved to `map`.
+struct VoxelPoint {
+  Eigen::Vector3i cell;
+  Eigen::Vector3f offset;  ///< from the voxel's corner [voxels]
+  float intensity;
+};
+
 /// A map of keyframe clouds in `map`, one mean point a voxel.
 class MapBuilder {
  public:
@@ -55,21 +62,9 @@ class MapBuilder {
   MapBuilder& operator=(MapBuilder&&) = default;
 
   /// Adds the points of one cloud; `T_map` <- the frame that they are given in.
-  void add(const std::vector<Point>& points, const Eigen::Isometry3d& T_map) {
-    for_each_cell(points, T_map, voxel_m_,
-                  [this](const Point& point, const Eigen::Vector3f& offset, const Eigen::Vector3i& cell) {
-                    add(cell, offset, point.intensity);
-                  });
-  }
+  void add(const std::vector<Point>& points, const Eigen::Isometry3d& T_map);
 
-  /// Adds one point: voxel, place in it as `for_each_cell` gives it, intensity.
-  void add(const Eigen::Vector3i& cell, const Eigen::Vector3f& offset, float intensity) {
-    // Points come in the order of the beam: many fall into the voxel of the one before.
-    if (index_.size() == 0 || cell != last_->cell) last_ = voxel_of(cell);
-    last_->sum += offset;
-    last_->intensity_sum += intensity;
-    ++last_->count;
-  }
+  void add(const std::vector<VoxelPoint>& points);
 
   std::size_t size() const { return index_.size(); }
 
@@ -96,6 +91,7 @@ class MapBuilder {
 
   static constexpr std::size_t kBlock = 1024;
 
+  void add(const VoxelPoint& point);
   Voxel* voxel_of(const Eigen::Vector3i& cell);
   Point mean_of(const Voxel& voxel) const;
 
@@ -103,7 +99,8 @@ class MapBuilder {
   KeyIndex index_;
   /// Voxels in the order in which they were first filled, in blocks: a large map grows without being copied.
   std::vector<std::vector<Voxel>> blocks_;
-  Voxel* last_ = nullptr;  ///< that a point was added to
+  Voxel* last_ = nullptr;           ///< that a point was added to
+  std::vector<VoxelPoint> placed_;  ///< memory of `add`
 };
 
 }  // namespace fdi_lio::mapping
