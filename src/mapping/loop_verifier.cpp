@@ -53,17 +53,16 @@ constexpr std::size_t kLookups = 64;
 constexpr double kJoinedM = 0.1;
 constexpr double kJoinedRad = 0.5 * M_PI / 180.0;
 
-/// All points at once, so that each cell's axes are computed once.
 void insert(const std::vector<PlacedCloud>& clouds, std::vector<Point> KeyframeCloud::*layer, VoxelMap* map) {
-  std::vector<Eigen::Vector3d> positions;
-  std::vector<float> intensities;
   for (const PlacedCloud& placed : clouds) {
+    std::vector<Eigen::Vector3d> positions;
+    std::vector<float> intensities;
     for (const Point& point : (*placed.cloud).*layer) {
       positions.push_back(placed.T_submap_imu * point.position.cast<double>());
       intensities.push_back(point.intensity);
     }
+    map->insert(positions, intensities);
   }
-  map->insert(positions, intensities);
 }
 
 }  // namespace
