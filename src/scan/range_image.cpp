@@ -144,7 +144,7 @@ void RangeImage::build(DeskewedScan* scan) {
     }
   });
   learn_elevations(*scan);
-  learn_origins(*scan);
+  learn_motion(*scan);
 }
 
 void RangeImage::remove(const std::vector<RemovalReason>& reasons) {
@@ -160,7 +160,7 @@ void RangeImage::remove(const std::vector<RemovalReason>& reasons) {
   }
 }
 
-void RangeImage::learn_origins(const DeskewedScan& scan) {
+void RangeImage::learn_motion(const DeskewedScan& scan) {
   sweep_start_ = scan.sweep.start;
   seen_ago_.assign(static_cast<std::size_t>(columns_), -1.0F);
   for (const Point& point : scan.points) seen_ago_[point.column] = ago(scan, point);

@@ -14,7 +14,7 @@ namespace fdi_lio::scan {
 /// holds at most one point, the nearest that fell into it. Ranges and directions are those from where the
 /// lidar was when it looked (`DeskewedScan::sweep`): at 30 m/s that is up to 3 m from where the sweep
 /// ended, and seen from there a ring is no cone. Nor is it one about the axis at the end, when the lidar
-/// nods: in a hand that is up to 10 degrees a sweep. Neighbours in space are looked for in a window of cells,
+/// nods: in a hand by up to 17 degrees a sweep. Neighbours in space are looked for in a window of cells,
 /// at constant cost.
 class RangeImage {
  public:
@@ -76,7 +76,7 @@ class RangeImage {
     return static_cast<std::size_t>(ring) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(wrapped);
   }
-  void learn_origins(const DeskewedScan& scan);
+  void learn_motion(const DeskewedScan& scan);
   /// Moves the points to directions from where the lidar looked at them from.
   void move_to_origins(Directions* directions) const;
   /// Fills range and column.
