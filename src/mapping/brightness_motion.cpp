@@ -4,8 +4,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 
 #include "fdi_lio/common/parallel.hpp"
@@ -19,8 +21,10 @@ namespace {
 /// Of a vote: what stands may drive.
 constexpr double kStandingWeight = 0.4;
 constexpr double kMaxSpeed = 45.0;
-constexpr double kCoarseStep = 3.0;  ///< [m/s]
-constexpr double kFirstStep = 2.0;   ///< of the search about a candidate [m/s]
+constexpr double kCoarseStep = 3.0;   ///< [m/s]
+constexpr double kOpenStep = 1.0;     ///< the same along the direction that surfaces leave open
+constexpr double kAcrossReach = 0.5;  ///< to both sides of what surfaces say across it
+constexpr double kFirstStep = 2.0;    ///< of the search about a candidate [m/s]
 constexpr double kLastStep = 0.5;
 constexpr int kHillSteps = 5;  ///< to each side of the velocity found
 constexpr double kHillStep = 0.4;
@@ -71,28 +75,58 @@ bool is_same(const Eigen::Vector3d& one, const Eigen::Vector3d& other) {
   return (one - other).norm() <= kSameVelocity;
 }
 
-std::vector<Eigen::Vector3d> level_velocities() {
-  std::vector<Eigen::Vector3d> result;
-  const int steps = static_cast<int>(kMaxSpeed / kCoarseStep);
-  for (int x = -steps; x <= steps; ++x) {
-    for (int y = -steps; y <= steps; ++y) {
-      const Eigen::Vector3d velocity(x * kCoarseStep, y * kCoarseStep, 0.0);
-      if (velocity.norm() <= kMaxSpeed) result.push_back(velocity);
-    }
+/// Level velocities that compete.
+class Competition {
+ public:
+  Competition(const Eigen::Vector3d& known, const std::optional<Eigen::Vector3d>& open_direction)
+      : known_(known), is_open_along_(open_direction) {
+    if (open_direction) axes_ = {*open_direction, Eigen::Vector3d::UnitZ().cross(*open_direction)};
   }
-  return result;
-}
 
-std::vector<Hypothesis> coarse_hypotheses(const std::vector<BrightScan>& scans) {
-  const std::vector<LaneScan> lanes = lanes_of(scans, kCoarse.stride);
-  const std::vector<Eigen::Vector3d> velocities = level_velocities();
+  /// Along which velocities are varied; the first is the open direction, if there is one.
+  const std::array<Eigen::Vector3d, 2>& axes() const { return axes_; }
+
+  bool contains(const Eigen::Vector3d& velocity) const {
+    return !is_open_along_ || std::abs((velocity - known_).dot(axes_[1])) <= kAcrossReach;
+  }
+
+  std::vector<Eigen::Vector3d> coarse_velocities() const {
+    const double step = is_open_along_ ? kOpenStep : kCoarseStep;
+    const int steps = static_cast<int>(kMaxSpeed / step);
+    const int steps_across = is_open_along_ ? 0 : steps;
+    const Eigen::Vector3d middle =
+        is_open_along_ ? Eigen::Vector3d(known_.dot(axes_[1]) * axes_[1]) : Eigen::Vector3d::Zero();
+    std::vector<Eigen::Vector3d> result;
+    for (int a = -steps; a <= steps; ++a) {
+      for (int b = -steps_across; b <= steps_across; ++b) {
+        const Eigen::Vector3d velocity = middle + step * (a * axes_[0] + b * axes_[1]);
+        if (velocity.norm() <= kMaxSpeed) result.push_back(velocity);
+      }
+    }
+    return result;
+  }
+
+  /// Fewer competitors can be looked at more closely.
+  const Depth& coarse_depth() const { return is_open_along_ ? kFine : kCoarse; }
+
+ private:
+  Eigen::Vector3d known_;
+  bool is_open_along_;
+  std::array<Eigen::Vector3d, 2> axes_ = {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY()};
+};
+
+std::vector<Hypothesis> coarse_hypotheses(const std::vector<BrightScan>& scans,
+                                          const Competition& competition) {
+  const Depth& depth = competition.coarse_depth();
+  const std::vector<LaneScan> lanes = lanes_of(scans, depth.stride);
+  const std::vector<Eigen::Vector3d> velocities = competition.coarse_velocities();
   std::vector<Hypothesis> result(velocities.size());
   constexpr std::size_t kChunk = 16;
   parallel_chunks(velocities.size(), kChunk, [&](std::size_t begin, std::size_t end, std::size_t) {
     DetailCells cells;
     for (std::size_t k = begin; k < end; ++k) {
       result[k].velocity = velocities[k];
-      result[k].fits = cells.fits(lanes, velocities[k], kCoarse.farthest);
+      result[k].fits = cells.fits(lanes, velocities[k], depth.farthest);
     }
   });
   return result;
@@ -100,7 +134,7 @@ std::vector<Hypothesis> coarse_hypotheses(const std::vector<BrightScan>& scans) 
 
 /// The best velocity near by, in smaller and smaller steps.
 Hypothesis climbed(const std::vector<LaneScan>& scans, const Eigen::Vector3d& from,
-                   const DetailCells::Fits& usual) {
+                   const DetailCells::Fits& usual, const Competition& competition) {
   DetailCells cells;
   const auto at = [&](const Eigen::Vector3d& velocity) {
     Hypothesis hypothesis;
@@ -115,10 +149,11 @@ Hypothesis climbed(const std::vector<LaneScan>& scans, const Eigen::Vector3d& fr
     for (int move = 0; move < kMostMoves; ++move) {
       const Eigen::Vector3d before = middle;
       middle = best.velocity;
-      for (int axis = 0; axis < 2; ++axis) {
+      for (const Eigen::Vector3d& axis : competition.axes()) {
         for (const double sign : {-1.0, 1.0}) {
-          const Eigen::Vector3d velocity = middle + sign * step * Eigen::Vector3d::Unit(axis);
+          const Eigen::Vector3d velocity = middle + sign * step * axis;
           if (velocity.isApprox(before)) continue;  // where the last move came from
+          if (!competition.contains(velocity)) continue;
           Hypothesis next = at(velocity);
           if (next.score > best.score) best = next;
         }
@@ -132,14 +167,14 @@ Hypothesis climbed(const std::vector<LaneScan>& scans, const Eigen::Vector3d& fr
 /// The middle of the hill of votes, whose top is ragged by the cells: of a parabola through what velocities
 /// about it get, along each axis.
 Eigen::Vector3d refined(const std::vector<LaneScan>& scans, const Eigen::Vector3d& top,
-                        const DetailCells::Fits& usual) {
+                        const DetailCells::Fits& usual, const Competition& competition) {
   Eigen::Vector3d velocity = top;
   std::array<double, 2 * kHillSteps + 1> heights{};
-  for (int axis = 0; axis < 2; ++axis) {
+  for (const Eigen::Vector3d& axis : competition.axes()) {
     parallel_chunks(heights.size(), 1, [&](std::size_t, std::size_t, std::size_t k) {
       DetailCells cells;
       const double offset = kHillStep * (static_cast<double>(k) - kHillSteps);
-      const Eigen::Vector3d at = velocity + offset * Eigen::Vector3d::Unit(axis);
+      const Eigen::Vector3d at = velocity + offset * axis;
       heights[k] = votes(cells.fits(scans, at, kFine.farthest), usual);
     });
     Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
@@ -153,7 +188,7 @@ Eigen::Vector3d refined(const std::vector<LaneScan>& scans, const Eigen::Vector3
     const Eigen::Vector3d parabola = H.inverse() * b;
     if (parabola.z() >= 0.0) continue;
     const double middle = -0.5 * parabola.y() / parabola.z();
-    if (std::abs(middle) <= kHillSteps * kHillStep) velocity[axis] += middle;
+    if (std::abs(middle) <= kHillSteps * kHillStep) velocity += middle * axis;
   }
   return velocity;
 }
@@ -175,11 +210,12 @@ std::vector<Eigen::Vector3d> finalists(std::vector<Hypothesis> all, const Eigen:
 
 }  // namespace
 
-BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const Eigen::Vector3d& known_way) {
+BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const KnownMotion& known) {
   subtract_fixed(&scans);
   const double time_s = std::max(1e-3, seconds_between(scans.front().stamp, scans.back().stamp));
-  const Eigen::Vector3d known_velocity = (known_way - scans.back().gained_m) / time_s;
-  std::vector<Hypothesis> coarse = coarse_hypotheses(scans);
+  const Eigen::Vector3d known_velocity = (known.way - scans.back().gained_m) / time_s;
+  const Competition competition(known_velocity, known.open_direction);
+  std::vector<Hypothesis> coarse = coarse_hypotheses(scans, competition);
   const DetailCells::Fits usual = medians(coarse);
   for (Hypothesis& hypothesis : coarse) hypothesis.score = votes(hypothesis.fits, usual);
 
@@ -187,7 +223,7 @@ BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const Eig
   const std::vector<LaneScan> lanes = lanes_of(scans, kFine.stride);
   std::vector<Hypothesis> best(chosen.size());
   parallel_chunks(chosen.size(), 1, [&](std::size_t, std::size_t, std::size_t k) {
-    best[k] = climbed(lanes, chosen[k], usual);
+    best[k] = climbed(lanes, chosen[k], usual, competition);
   });
   BrightnessMotion motion;
   motion.lead = -std::numeric_limits<double>::infinity();
@@ -198,7 +234,7 @@ BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const Eig
     }
     if (lead > motion.lead) motion = {one.velocity, lead, is_same(one.velocity, known_velocity)};
   }
-  motion.velocity = refined(lanes, motion.velocity, usual);
+  motion.velocity = refined(lanes, motion.velocity, usual, competition);
   return motion;
 }
 

@@ -63,6 +63,12 @@ double common_elevation_sigma(const FeatureSet& features, double sigma_rad) {
   return sigma_rad * std::sqrt(kBeamsOfSigma / beams);
 }
 
+/// Of the surfaces that a scan matched, about the position (IMU axes).
+Eigen::Matrix3d position_information(const EstimateResult& result) {
+  const Eigen::Matrix<double, 3, 6> axes = result.status.axes.bottomRows<3>();
+  return axes * result.axis_information.asDiagonal() * axes.transpose();
+}
+
 }  // namespace
 
 class Estimator::Implementation {
@@ -474,7 +480,7 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
   std::optional<EstimateResult> result = implementation_->add(input, true);
   if (!result) return result;
   if (result->state.imu_status != imu::ImuStatus::kInitialised) {
-    review_->add(std::move(input), result->state);
+    review_->add(std::move(input), result->state, position_information(*result));
     const bool has_witness = implementation_->has_found_motion();
     if (const auto motion = review_->find_motion(has_witness)) result = begin_moving(*motion);
     if (!review_->is_over()) return result;

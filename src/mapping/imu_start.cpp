@@ -25,8 +25,6 @@ constexpr double kGravitySigmas = 2.0;
 constexpr double kMovingVelocitySigma = 0.3;  ///< of MovingStart::v_odom [m/s]
 constexpr double kMovingGyroBiasSigma = 0.02;
 constexpr double kMovingAccelBiasSigma = 0.05;
-constexpr double kCruisingGravitySigma = 0.15;  ///< what traffic accelerates by, mostly [m/s^2]
-constexpr double kGroundGravitySigma = 0.5;     ///< how steep roads are
 
 ImuStart::Found initialised(imu::NavState state, const Smoother::InitialSigma& sigma) {
   state.imu_status = imu::ImuStatus::kInitialised;
@@ -63,8 +61,8 @@ ImuStart::Found ImuStart::moving(const imu::NavState& first, const MovingStart& 
   if (state.imu_status == imu::ImuStatus::kNone) return {state, sigma};
   sigma.gyro_bias = kMovingGyroBiasSigma;
   sigma.accel_bias = kMovingAccelBiasSigma;
-  sigma.gravity = start.up_by_ground ? kGroundGravitySigma : kCruisingGravitySigma;
-  if (start.up_by_ground) state.g_odom = -config_.sensor.gravity_mps2 * *start.up_by_ground;
+  sigma.gravity = start.gravity_sigma_mps2;
+  state.g_odom = -config_.sensor.gravity_mps2 * start.up_odom;
   return initialised(state, sigma);
 }
 

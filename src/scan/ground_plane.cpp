@@ -1,5 +1,6 @@
 #include "fdi_lio/scan/ground_plane.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -9,8 +10,9 @@ namespace fdi_lio::scan {
 
 namespace {
 
-/// Enough to hit a plane with a fifth of the points a dozen times.
-constexpr int kSamples = 1500;
+/// Enough to hit a plane with a tenth of the points four times.
+constexpr int kSamples = 4000;
+constexpr float kBelowM = 0.3F;
 /// What lies so near belongs to the plane: the ground is not even.
 constexpr float kThicknessM = 0.1F;
 
@@ -43,7 +45,12 @@ Plane find_plane(const std::vector<Eigen::Vector3f>& points, const Eigen::Vector
     best.normal = normal;
     best.distance_m = distance_m;
   }
+  const auto n = best.normal.cast<float>();
+  const auto lowest = -static_cast<float>(best.distance_m) - kBelowM;
+  const auto below = std::count_if(points.begin(), points.end(),
+                                   [&](const Eigen::Vector3f& point) { return n.dot(point) < lowest; });
   best.share = static_cast<double>(most) / static_cast<double>(points.size());
+  best.below = static_cast<double>(below) / static_cast<double>(points.size());
   return best;
 }
 

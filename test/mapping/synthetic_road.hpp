@@ -16,6 +16,7 @@ struct SyntheticRoad {
   double roughness = 0.6;          ///< of ln(1 + intensity) between patches of 1 m
   double beam_error = 0.3;         ///< of ln(1 + intensity) between rings: travels with the sensor
   bool with_traffic = true;        ///< two boxes that keep their place beside the sensor
+  double walls_m = 0.0;            ///< from the sensor to either side; 0: none
   double height_m = 1.8;           ///< of the sensor above the road
   double acceleration_mps2 = 0.0;  ///< along the first axis
 
@@ -32,14 +33,15 @@ struct SyntheticRoad {
     const Eigen::Matrix3d R_lidar_road = Eigen::AngleAxisd(-yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
     FeatureSet features;
     features.stamp = static_cast<Stamp>(std::llround(time_s * 1e9));
-    for (int ring = 0; ring < kRings; ++ring) {
-      const double elevation = (-25.0 + 0.5 * ring) * kPi / 180.0;
+    // Walls are seen by as many beams that look upwards.
+    for (int ring = 0; ring < (walls_m > 0.0 ? 2 * kRings : kRings); ++ring) {
+      const double elevation = (ring < kRings ? -25.0 + 0.5 * ring : 0.5 * (ring - kRings)) * kPi / 180.0;
       for (int column = 0; column < 180; ++column) {
         const double turned = (column + jitter(random)) / 180.0;
         const double azimuth = 2.0 * kPi * turned;
         const double at_s = time_s + kPeriod_s * turned;
         const double x = speed_mps * at_s + 0.5 * acceleration_mps2 * at_s * at_s;
-        double range = height_m / std::sin(-elevation);
+        double range = elevation < 0.0 ? height_m / std::sin(-elevation) : 1000.0;
         Eigen::Vector3d seen =
             range * Eigen::Vector3d(std::cos(azimuth) * std::cos(elevation),
                                     std::sin(azimuth) * std::cos(elevation), std::sin(elevation));
@@ -49,7 +51,11 @@ struct SyntheticRoad {
           seen *= 5.0 / std::abs(seen.y());
           brightness = 3.0 + roughness * patch(seen.x(), 100.0 + seen.z());
         }
-        brightness += beam_error * patch(ring, 1000.0) - 0.03 * range + noise(random);
+        if (walls_m > 0.0 && std::abs(seen.y()) > walls_m) {
+          seen *= walls_m / std::abs(seen.y());
+          brightness = 3.0 + roughness * patch(seen.x() + x, 200.0 + seen.z() + seen.y());
+        }
+        brightness += beam_error * patch(ring, 1000.0) - 0.03 * seen.norm() + noise(random);
         Point point;
         point.position = (R_lidar_road * seen).cast<float>();
         point.time_s = static_cast<float>(kPeriod_s * turned);

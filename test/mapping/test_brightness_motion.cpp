@@ -33,7 +33,7 @@ TEST(BrightnessMotion, FindsTheVelocityOnARoadWithTraffic) {
   for (const double speed : {7.0, 16.3, 31.0}) {
     for (const double yaw : {0.0, 0.6}) {
       const BrightnessMotion motion =
-          find_brightness_motion(drive(SyntheticRoad(), speed, yaw), Eigen::Vector3d::Zero());
+          find_brightness_motion(drive(SyntheticRoad(), speed, yaw), KnownMotion());
       EXPECT_LT((motion.velocity - along(speed, yaw)).norm(), 0.5) << speed << ", " << yaw;
       EXPECT_GT(motion.lead, kSure);
       EXPECT_FALSE(motion.is_known);
@@ -42,15 +42,32 @@ TEST(BrightnessMotion, FindsTheVelocityOnARoadWithTraffic) {
 }
 
 TEST(BrightnessMotion, KnowsWhatWasEstimatedRight) {
-  const Eigen::Vector3d known_way(19.0 * SyntheticRoad::kPeriod_s * (kScans - 1), 0.0, 0.0);
-  const BrightnessMotion motion = find_brightness_motion(drive(SyntheticRoad(), 20.0), known_way);
+  KnownMotion known;
+  known.way.x() = 19.0 * SyntheticRoad::kPeriod_s * (kScans - 1);
+  const BrightnessMotion motion = find_brightness_motion(drive(SyntheticRoad(), 20.0), known);
   EXPECT_TRUE(motion.is_known);
   EXPECT_GT(motion.lead, kSure);
 }
 
+/// Surfaces beside the way say how fast the sensor moves across it.
+TEST(BrightnessMotion, LooksAlongTheOpenDirectionOnly) {
+  constexpr double kYaw = 0.6;
+  const auto scans = drive(SyntheticRoad(), 16.3, kYaw);
+  KnownMotion known;
+  known.open_direction = along(1.0, kYaw);
+  const BrightnessMotion motion = find_brightness_motion(scans, known);
+  EXPECT_LT((motion.velocity - along(16.3, kYaw)).norm(), 0.5);
+  EXPECT_GT(motion.lead, kSure);
+  const Eigen::Vector3d across = Eigen::Vector3d::UnitZ().cross(along(1.0, kYaw));
+  known.open_direction = across;
+  known.way = SyntheticRoad::kPeriod_s * (kScans - 1) * along(5.0, kYaw);
+  // Within 0.5 m/s of the 5 m/s along the way that are known, and as far as the hill's top may be from there.
+  EXPECT_NEAR(find_brightness_motion(scans, known).velocity.dot(along(1.0, kYaw)), 5.0, 2.6);
+}
+
 TEST(BrightnessMotion, UndoesTheVelocityThatFeaturesWereDeskewedWith) {
   const auto scans = drive(SyntheticRoad(), 16.0, 0.0, Eigen::Vector3d(9.0, 4.0, 0.0));
-  EXPECT_LT((find_brightness_motion(scans, Eigen::Vector3d::Zero()).velocity - along(16.0, 0.0)).norm(), 0.5);
+  EXPECT_LT((find_brightness_motion(scans, KnownMotion()).velocity - along(16.0, 0.0)).norm(), 0.5);
 }
 
 TEST(BrightnessMotion, TakesAKnownAccelerationIntoAccount) {
@@ -62,19 +79,18 @@ TEST(BrightnessMotion, TakesAKnownAccelerationIntoAccount) {
     scan.gained_mps = time_s * Eigen::Vector3d(-5.0, 0.0, 0.0);
     scan.gained_m = 0.5 * time_s * scan.gained_mps;
   }
-  EXPECT_LT((find_brightness_motion(scans, Eigen::Vector3d::Zero()).velocity - along(15.0, 0.0)).norm(), 0.5);
+  EXPECT_LT((find_brightness_motion(scans, KnownMotion()).velocity - along(15.0, 0.0)).norm(), 0.5);
 }
 
 TEST(BrightnessMotion, AtRestNothingIsSurelyInMotion) {
-  const BrightnessMotion motion =
-      find_brightness_motion(drive(SyntheticRoad(), 0.0), Eigen::Vector3d::Zero());
+  const BrightnessMotion motion = find_brightness_motion(drive(SyntheticRoad(), 0.0), KnownMotion());
   EXPECT_TRUE(motion.is_known || motion.lead < kSure) << motion.velocity.transpose();
 }
 
 TEST(BrightnessMotion, APlainRoadSaysNothing) {
   SyntheticRoad road;
   road.roughness = 0.0;
-  EXPECT_LT(find_brightness_motion(drive(road, 20.0), Eigen::Vector3d::Zero()).lead, kSure);
+  EXPECT_LT(find_brightness_motion(drive(road, 20.0), KnownMotion()).lead, kSure);
 }
 
 TEST(BrightnessMotion, SensorsWithoutIntensitySayNothing) {
@@ -84,13 +100,13 @@ TEST(BrightnessMotion, SensorsWithoutIntensitySayNothing) {
     for (Point& point : features.planes) point.intensity = 0.0F;
     scans.push_back(bright_scan(features, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()));
   }
-  EXPECT_LT(find_brightness_motion(scans, Eigen::Vector3d::Zero()).lead, kSure);
+  EXPECT_LT(find_brightness_motion(scans, KnownMotion()).lead, kSure);
 }
 
 TEST(BrightnessMotion, ScansWithoutPointsSayNothing) {
   std::vector<BrightScan> scans(kScans);
   for (std::size_t k = 0; k < kScans; ++k) scans[k].stamp = static_cast<Stamp>(100000000 * k);
-  EXPECT_LE(find_brightness_motion(scans, Eigen::Vector3d::Zero()).lead, 0.0);
+  EXPECT_LE(find_brightness_motion(scans, KnownMotion()).lead, 0.0);
 }
 
 /// What range and ring do to the brightness is no detail.

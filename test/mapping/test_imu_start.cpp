@@ -120,14 +120,17 @@ TEST(ImuStart, AReviewedStartIsPredictedByTheImuAtOnce) {
   first.g_odom = Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2);
   MovingStart moving;
   moving.v_odom = Eigen::Vector3d(20.0, 1.0, 0.0);
+  moving.gravity_sigma_mps2 = 0.1;
   const ImuStart::Found cruising = start.moving(first, moving);
   EXPECT_EQ(cruising.state.imu_status, imu::ImuStatus::kInitialised);
   EXPECT_EQ((cruising.state.v_odom - moving.v_odom).norm(), 0.0);
   EXPECT_EQ((cruising.state.g_odom - first.g_odom).norm(), 0.0);
-  moving.up_by_ground = Eigen::Vector3d(0.6, 0.0, 0.8);
+  EXPECT_EQ(cruising.sigma.gravity, 0.1);
+  moving.up_odom = Eigen::Vector3d(0.6, 0.0, 0.8);
+  moving.gravity_sigma_mps2 = 0.4;
   const ImuStart::Found braking = start.moving(first, moving);
-  EXPECT_LT((braking.state.g_odom + config.sensor.gravity_mps2 * *moving.up_by_ground).norm(), 1e-12);
-  EXPECT_GT(braking.sigma.gravity, cruising.sigma.gravity);
+  EXPECT_LT((braking.state.g_odom + config.sensor.gravity_mps2 * moving.up_odom).norm(), 1e-12);
+  EXPECT_EQ(braking.sigma.gravity, 0.4);
 }
 
 TEST(ImuStart, AReviewedStartWithoutImuKeepsItsVelocity) {

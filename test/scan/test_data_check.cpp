@@ -368,6 +368,9 @@ TEST(FindPlane, FindsTheOneAlongTheAxisAndItsSide) {
   const Plane below = find_plane(points, Eigen::Vector3d::UnitZ(), 30.0 * kDegree);
   EXPECT_NEAR(below.share, 0.75, 0.02);
   EXPECT_NEAR(below.distance_m, 2.0, 0.05);
+  std::size_t under = 0;
+  for (const Eigen::Vector3f& p : points) under += normal.dot(p) < -2.3F ? 1 : 0;
+  EXPECT_NEAR(below.below, static_cast<double>(under) / 1000.0, 0.01);
   EXPECT_GT(below.normal.dot(normal.cast<double>()), std::cos(1.0 * kDegree));
   EXPECT_LT(find_plane(points, -Eigen::Vector3d::UnitZ(), 30.0 * kDegree).share, 0.1);
   EXPECT_LT(find_plane(points, Eigen::Vector3d::UnitX(), 30.0 * kDegree).share, 0.1);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -16,17 +17,25 @@ struct BrightnessMotion {
   bool is_known = true;  ///< it differs from what was estimated by at most 3 m/s
 };
 
+/// What registrations of the scans have found.
+struct KnownMotion {
+  Eigen::Vector3d way = Eigen::Vector3d::Zero();  ///< from the first to the last scan, level axes [m]
+  /// Level unit direction along which the surfaces hardly tell the motion, as in a tunnel or between guard
+  /// rails: `way` may be wrong along it, but is right across. None: it may be wrong in any direction.
+  std::optional<Eigen::Vector3d> open_direction;
+};
+
 /// Looks for the velocity under which consecutive scans agree in brightness; it stays the same but for
 /// `BrightScan::gained_mps`. For each velocity all points are moved to where they lie then;
 /// cells of 0.5 m hold the mean of their details in each scan, and scans are compared in the cells that both
 /// see. The differences d are gathered in blocks of 4 m about the sensor (a vehicle that keeps its place
 /// beside the sensor is a few blocks, however many scans see it); a block says -ln(mean d^2 + noise) / 2. One
 /// velocity beats another by the sum over the blocks of the difference, at most one a block. Candidates are
-/// all level velocities up to 45 m/s, and the one that was estimated: `known_way` from the first to the last
-/// scan. Unlike surfaces alone, which look the
-/// same all along a guard rail or a tunnel, and rings on the ground, which travel with the sensor, what is
-/// painted stays. What stays in one direction from the sensor over all the scans is taken out of the details:
-/// it would speak for rest. The velocity is known to about 0.3 m/s.
-BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const Eigen::Vector3d& known_way);
+/// all level velocities up to 45 m/s, those alone that agree with the surfaces where these leave one
+/// direction open, and the one that was estimated. Unlike surfaces alone, which look the same all along a
+/// guard rail or a tunnel, and rings on the ground, which travel with the sensor, what is painted stays. What
+/// stays in one direction from the sensor over all the scans is taken out of the details: it would speak for
+/// rest. The velocity is known to about 0.3 m/s.
+BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const KnownMotion& known);
 
 }  // namespace fdi_lio::mapping

@@ -25,9 +25,10 @@ struct EstimatorInput {
 /// What the first scans say together of a start in motion.
 struct MovingStart {
   Eigen::Vector3d v_odom = Eigen::Vector3d::Zero();  ///< at the first scan [m/s]
-  /// In `odom`, where the ground is tilted against what the accelerometer feels as no road is: the sensor
-  /// gathers speed or brakes, and the ground tells better where up is.
-  std::optional<Eigen::Vector3d> up_by_ground;
+  /// Unit vector in `odom`: by the accelerometer, or by the ground where that is tilted against it as no road
+  /// is, for then the sensor gathers speed or brakes.
+  Eigen::Vector3d up_odom = Eigen::Vector3d::UnitZ();
+  double gravity_sigma_mps2 = 0.0;  ///< of what is level of gravity
 };
 
 /// Keeps the first scans of a start that may be in motion, and asks them together whether it was. Two scans
@@ -37,8 +38,9 @@ class StartReview {
  public:
   explicit StartReview(const Config& config);
 
-  /// `state` is what was estimated for the scan.
-  void add(EstimatorInput input, const imu::NavState& state);
+  /// `state` is what was estimated for the scan, with so much information of its surfaces about the position
+  /// (IMU axes, [1/m^2]).
+  void add(EstimatorInput input, const imu::NavState& state, const Eigen::Matrix3d& position_information);
 
   /// The motion at the start, once the scans say that it was clearly another one than estimated. They are
   /// asked after 8 scans, or as soon as the IMU cannot find any more that the sensor stands, and after 16;
@@ -52,13 +54,15 @@ class StartReview {
  private:
   bool may_stand() const;
   Eigen::Vector3d up() const;
+  std::optional<Eigen::Vector3d> open_direction() const;
 
   Config config_;
   Eigen::Matrix3d R_imu_lidar_;
   Eigen::Matrix3d R_level_odom_ = Eigen::Matrix3d::Identity();  ///< by the ground
   Eigen::Vector3d gained_mps_ = Eigen::Vector3d::Zero();  ///< by the accelerometer since the first scan, odom
   Eigen::Vector3d gained_m_ = Eigen::Vector3d::Zero();
-  bool is_steep_ = false;  ///< as MovingStart::up_by_ground has it
+  Eigen::Matrix3d position_information_ = Eigen::Matrix3d::Zero();  ///< of all scans, level axes
+  bool is_steep_ = false;  ///< the ground, against the accelerometer: `up` is by the ground
   std::vector<EstimatorInput> inputs_;
   std::vector<BrightScan> scans_;
   Eigen::Quaterniond q_odom_imu_ = Eigen::Quaterniond::Identity();  ///< of the newest scan, by the gyro alone

@@ -11,6 +11,7 @@ struct Plane {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< towards the sensor, lidar frame
   double distance_m = 0.0;                            ///< of the sensor from the plane
   double share = 0.0;                                 ///< of the points that lie on it; 0: none was found
+  double below = 0.0;                                 ///< of those more than 0.3 m behind it
 };
 
 /// The plane with the most of `points` (lidar frame, metres) on it among those whose normal lies within
