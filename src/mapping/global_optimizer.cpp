@@ -19,9 +19,6 @@ constexpr double kDegree = M_PI / 180.0;
 /// Uncertainty of a relative pose that no drift has widened.
 constexpr double kBaseSigmaM = 0.1;
 constexpr double kBaseSigmaRad = 0.5 * kDegree;
-/// Squared normalised residual at which a loop is half taken. Wider than chi-square, for loops are verified
-/// before, and the odometry may drift more steadily than its random walk says.
-constexpr double kLoopScaleSq = 100.0;
 /// A loop that the graph takes with less weight contradicts the others.
 constexpr double kMinLoopWeight = 0.25;
 /// A loop deviates from a graph that agrees with it by this at most, squared and in standard deviations: the
@@ -53,7 +50,6 @@ constexpr std::size_t kLeastShare = 10;
 PoseGraphSettings graph_settings(const ExternalOdometryConfig& external) {
   PoseGraphSettings settings;
   settings.external_scale_sigma = external.sigma_scale;
-  settings.loop_scale_sq = kLoopScaleSq;
   return settings;
 }
 

@@ -20,6 +20,9 @@ constexpr int kStageIterations = 2;
 /// A step that moves the poses by less (root mean square of metres and radians) is the last one.
 constexpr double kLastStep = 1e-3;
 constexpr double kFunctionTolerance = 1e-6;
+/// So wide that the first steps are those of Gauss-Newton. With Ceres' 1e4 the damping keeps back just what
+/// loops are to bend, whole laps of many small steps, and such a short step looks like the last one.
+constexpr double kTrustRegionRadius = 1e10;
 
 /// Ends the optimisation after a step below kLastStep; Ceres' own tolerance is relative to how far the poses
 /// are from the origin.
@@ -169,6 +172,7 @@ class PoseGraph::Implementation {
     options.num_threads = 1;
     options.max_num_iterations = max_iterations;
     options.function_tolerance = kFunctionTolerance;
+    options.initial_trust_region_radius = kTrustRegionRadius;
     StopAfterSmallStep stop(poses_.size());
     options.callbacks.push_back(&stop);
     options.logging_type = ceres::SILENT;

@@ -253,6 +253,31 @@ TEST(PoseGraph, LoopThatKnowsNothingAlongOneAxisDoesNotMoveThePoseAlongIt) {
   EXPECT_NEAR(graph.pose(1).translation().y(), 0.1, 2e-3);
 }
 
+/// A straight way of n equal steps and one loop over all of it, e off and with the information L of a step's
+/// I: each step takes e / (n + I / L).
+TEST(PoseGraph, LongWayBendsAsAWhole) {
+  constexpr int kSteps = 3000;
+  constexpr double kError = 0.01;
+  PoseGraph graph{PoseGraphSettings()};
+  RelativePose edge;
+  edge.T_from_to.translation().x() = 1.0;
+  edge.information.diagonal() << 1e8, 1e8, 1e8, 1e4, 1e4, 1e4;
+  graph.add_node(Eigen::Isometry3d::Identity());
+  for (int k = 0; k < kSteps; ++k) {
+    edge.from = k;
+    edge.to = graph.add_node(graph.pose(k) * edge.T_from_to);
+    graph.add_odometry(edge);
+  }
+  RelativePose loop = edge;
+  loop.from = 0;
+  loop.T_from_to.translation().x() = kSteps + kError;
+  graph.add_loop(loop);
+  ASSERT_TRUE(graph.solve());
+  const double step_error = kError / (kSteps + 1.0);
+  EXPECT_NEAR(graph.pose(kSteps).translation().x(), kSteps * (1.0 + step_error), 0.05 * kError);
+  EXPECT_NEAR(graph.pose(kSteps / 2).translation().x(), kSteps / 2 * (1.0 + step_error), 0.05 * kError);
+}
+
 TEST(PoseGraph, OneByOneGivesTheSameAsAllAtOnce) {
   const DriftingSquare square(5e-3);
   PoseGraph at_once = square.graph();

@@ -55,9 +55,10 @@ struct EnuAlignment {
 };
 
 struct PoseGraphSettings {
-  /// Squared normalised residual at which a loop counts half in value: 99 % of chi-square with 6 degrees.
-  double loop_scale_sq = 16.8;
-  /// The same for a position, 3 degrees of freedom.
+  /// Squared normalised residual at which a loop counts half in value. Wider than chi-square, for loops are
+  /// verified before, and the odometry may drift more steadily than its random walk says.
+  double loop_scale_sq = 100.0;
+  /// The same for a position: 99 % of chi-square with 3 degrees of freedom.
   double position_scale_sq = 11.3;
   /// The same for a step of another odometry, 6 degrees of freedom.
   double external_scale_sq = 16.8;
