@@ -9,6 +9,7 @@
 #include "fdi_lio/mapping/graph_measurements.hpp"
 #include "fdi_lio/mapping/loop_detector.hpp"
 #include "fdi_lio/mapping/loop_verifier.hpp"
+#include "fdi_lio/mapping/odometry_check.hpp"
 #include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
@@ -32,6 +33,8 @@ constexpr double kConfirmationPathM = 60.0;
 /// Way before the later keyframe whose scans are registered together with it.
 constexpr double kSourceLengthM = 5.0;
 constexpr std::size_t kSourceKeyframes = 4;
+/// Keyframes before the newest one that it is registered with, when its step is checked.
+constexpr std::size_t kStepKeyframes = 10;
 /// How far off a session may be that was placed in another.
 constexpr double kSessionSigmaM = 5.0;
 constexpr double kSessionSigmaRad = 10.0 * kDegree;
@@ -95,6 +98,10 @@ class GlobalOptimizer::Implementation {
   LoopVerifier verifier_;
   std::vector<OdometryFrame> frames_;
   std::vector<Eigen::Isometry3d> poses_;  ///< of the graph, as last solved
+  /// The steps of the graph one after the other, which no loop has bent: the odometry, where nothing
+  /// contradicts it.
+  std::vector<Eigen::Isometry3d> chain_;
+  OdometryCheck check_;
   std::vector<LoopCandidate> loops_;
   std::vector<std::size_t> pending_;  ///< indices in `loops_`
   double searched_at_m_ = 0.0;
@@ -111,6 +118,7 @@ class GlobalOptimizer::Implementation {
     return config_.drift_rotation_deg_per_m * kDegree * (frames_.back().path_m - loop_at_m_);
   }
   RelativePose odometry_step(const Keyframe& keyframe, double step_m) const;
+  RelativePose checked_step(const RelativePose& odometry);
   void search();
   LoopCandidate examine(const LoopProposal& proposal);
   std::vector<PlacedCloud> submap(std::size_t center, double before_m, double after_m, std::size_t limit);
@@ -144,6 +152,28 @@ RelativePose GlobalOptimizer::Implementation::odometry_step(const Keyframe& keyf
   return edge;
 }
 
+/// A step of the odometry, compared with what the clouds say. The newest one is in the store already.
+RelativePose GlobalOptimizer::Implementation::checked_step(const RelativePose& odometry) {
+  std::vector<PlacedCloud> target;
+  std::size_t k = frames_.size();
+  do {
+    --k;
+    target.push_back({store_.get(k), chain_[odometry.from].inverse() * chain_[k]});
+  } while (k > 0 && target.size() < kStepKeyframes && !frames_[k].begins_session);
+  const PlacedCloud source = {store_.get(odometry.to), Eigen::Isometry3d::Identity()};
+  const auto registered = verifier_.register_step(target, {source}, odometry.T_from_to);
+  if (!registered) {
+    check_.unregistered();
+    return odometry;
+  }
+  const RelativePose step = check_.checked(odometry, *registered);
+  if (check_.contradicts())
+    reporter_->report(Severity::kWarning, "odometry_contradicted",
+                      "the clouds of the keyframes fit together otherwise than the odometry says: the map "
+                      "takes the steps that the clouds show");
+  return step;
+}
+
 void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
   const PlaceDescriptor place = describe_place(keyframe.cloud.surface, levelled(keyframe.T_odom_imu.linear()),
                                                config_.descriptor_range_m);
@@ -155,6 +185,7 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
   if (frames_.empty()) {
     graph_.add_node(keyframe.T_odom_imu);
     poses_.push_back(keyframe.T_odom_imu);
+    chain_.push_back(keyframe.T_odom_imu);
     frames_.push_back({keyframe.stamp, keyframe.T_odom_imu, 0.0, true});
   } else {
     double step_m = (frames_.back().T_odom_imu.inverse() * keyframe.T_odom_imu).translation().norm();
@@ -163,7 +194,9 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
       step_m = config_.min_path_m;
       loop_at_m_ = frames_.back().path_m + step_m - kSessionDriftM / config_.drift_share;
     }
-    const RelativePose edge = odometry_step(keyframe, step_m);
+    RelativePose edge = odometry_step(keyframe, step_m);
+    if (config_.enabled && !keyframe.begins_session && check_.is_due()) edge = checked_step(edge);
+    chain_.push_back(chain_.back() * edge.T_from_to);
     poses_.push_back(poses_.back() * edge.T_from_to);
     graph_.add_node(poses_.back());
     graph_.add_odometry(edge);
@@ -237,8 +270,7 @@ std::vector<PlacedCloud> GlobalOptimizer::Implementation::submap(std::size_t cen
   std::vector<PlacedCloud> placed;
   for (std::size_t k = 0; k < taken; ++k) {
     const std::size_t index = begin + (2 * k + 1) * count / (2 * taken);
-    // By odometry, which is smooth over so short a way; the graph may bend it.
-    placed.push_back({store_.get(index), frames_[center].T_odom_imu.inverse() * frames_[index].T_odom_imu});
+    placed.push_back({store_.get(index), chain_[center].inverse() * chain_[index]});
   }
   return placed;
 }
@@ -320,7 +352,7 @@ void GlobalOptimizer::Implementation::accept(const std::vector<std::size_t>& ind
 /// between the two.
 bool GlobalOptimizer::Implementation::agree(const LoopCandidate& a, const LoopCandidate& b) const {
   const auto odometry = [this](std::size_t from, std::size_t to) {
-    return frames_[from].T_odom_imu.inverse() * frames_[to].T_odom_imu;
+    return chain_[from].inverse() * chain_[to];
   };
   const Eigen::Isometry3d T_expected = odometry(a.measured.from, b.measured.from).inverse() *
                                        a.measured.T_from_to * odometry(a.measured.to, b.measured.to);

@@ -24,6 +24,10 @@ constexpr std::size_t kMinMatches = 100;
 constexpr std::size_t kRefinedScorePoints = 3000;
 constexpr double kConvergedM = 1e-4;
 
+/// How far off the step from one keyframe to the next may be.
+constexpr double kStepSigmaM = 0.5;
+constexpr double kStepSigmaRad = M_PI / 180.0;
+
 /// The grid of starts about the prediction: its step is what the coarsest cells still attract.
 constexpr double kGridStepM = 1.0;
 constexpr double kMinSearchM = 1.0;
@@ -148,6 +152,21 @@ LoopCandidate LoopVerifier::verify(const std::vector<PlacedCloud>& target,
   candidate.alternatives = alternatives;
   candidate.verdict = judge(candidate);
   return candidate;
+}
+
+std::optional<RelativePose> LoopVerifier::register_step(const std::vector<PlacedCloud>& target,
+                                                        const std::vector<PlacedCloud>& source,
+                                                        const Eigen::Isometry3d& T_start) const {
+  const Scene scene = make_scene(target, source);
+  const auto solution = refine(scene, T_start, {T_start, kStepSigmaM, kStepSigmaRad}, {});
+  LoopCandidate candidate;
+  candidate.measured.T_from_to = solution->T;
+  candidate.wall_points = scene.walls.size();
+  candidate.wall_share = solution->score;
+  measure(scene, solution->T, &candidate);
+  candidate.measured.information = covariance_of(*solution, &candidate).inverse();
+  if (judge(candidate) != LoopVerdict::kPending) return std::nullopt;
+  return candidate.measured;
 }
 
 /// Share of (at most `limit`) wall points of the source that lie on a wall of the map with the same normal;
@@ -284,14 +303,13 @@ void LoopVerifier::measure(const Scene& scene, const Eigen::Isometry3d& T, LoopC
       (sums[4] / n - sums[0] * sums[1] / (n * n)) / std::sqrt(variance_a * variance_b);
 }
 
-/// Information by direction. In a tangent space where a radian counts kCharacteristicLengthM, directions with
+/// Covariance by direction. In a tangent space where a radian counts kCharacteristicLengthM, directions with
 /// less than `weak_share` of the strongest one's information are those that noise alone would show: they
-/// become unknown. Along the way to a result that is about as good nothing is known either.
-void LoopVerifier::set_information(const Solution& best, const std::vector<Eigen::Vector3d>& alternatives,
-                                   LoopCandidate* candidate) const {
+/// become unknown, and are counted in the candidate.
+Matrix6d LoopVerifier::covariance_of(const Solution& solution, LoopCandidate* candidate) const {
   Vector6d scale;
   scale << Eigen::Vector3d::Constant(1.0 / kCharacteristicLengthM), Eigen::Vector3d::Ones();
-  const Matrix6d scaled = scale.asDiagonal() * best.information.H * scale.asDiagonal();
+  const Matrix6d scaled = scale.asDiagonal() * solution.information.H * scale.asDiagonal();
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(0.5 * (scaled + scaled.transpose()));
   const double strongest = std::max(solver.eigenvalues()[5], 1e-12);
   Vector6d variances;
@@ -301,8 +319,15 @@ void LoopVerifier::set_information(const Solution& best, const std::vector<Eigen
     variances[k] = is_weak ? kUnknownSigmaM * kUnknownSigmaM : 1.0 / eigenvalue;
     candidate->weak_directions += is_weak ? 1 : 0;
   }
-  Matrix6d covariance = solver.eigenvectors() * variances.asDiagonal() * solver.eigenvectors().transpose();
-  covariance = scale.asDiagonal() * covariance * scale.asDiagonal();
+  const Matrix6d covariance =
+      solver.eigenvectors() * variances.asDiagonal() * solver.eigenvectors().transpose();
+  return scale.asDiagonal() * covariance * scale.asDiagonal();
+}
+
+/// Adds to the covariance what all loops share, and leaves the way to a result that is about as good unknown.
+void LoopVerifier::set_information(const Solution& best, const std::vector<Eigen::Vector3d>& alternatives,
+                                   LoopCandidate* candidate) const {
+  Matrix6d covariance = covariance_of(best, candidate);
   const double sigma_rotation = config_.sigma_rotation_deg * M_PI / 180.0;
   covariance.diagonal().head<3>().array() += sigma_rotation * sigma_rotation;
   covariance.diagonal().tail<3>().array() += config_.sigma_translation_m * config_.sigma_translation_m;

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "fdi_lio/mapping/loop_verifier.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 namespace {
@@ -119,6 +120,20 @@ TEST(LoopVerifier, RepetitionWithinTheUncertaintySaysNothingAlongItself) {
   const LoopCandidate known = verify(0.1);
   EXPECT_LT(sigma_along(known, Eigen::Vector3d::UnitX()), 0.1);
   EXPECT_NEAR(known.measured.T_from_to.translation().x(), 0.2, 0.05);
+}
+
+TEST(LoopVerifier, StepsAreRegisteredToMillimetres) {
+  const SyntheticWorld town = make_town(1);
+  const Eigen::Isometry3d T = planar_pose(25.0, 0.0, 1.5);
+  const Eigen::Isometry3d T_step = planar_pose(2.0, 0.0, 0.05);
+  const LoopVerifier verifier{Config()};
+  const auto found =
+      verifier.register_step(submap(town, T), scan(town, T * T_step), T_step * planar_pose(0.3, -0.2, 0.01));
+  ASSERT_TRUE(found.has_value());
+  const Vector6d error = difference(T_step, found->T_from_to);
+  EXPECT_LT(error.tail<3>().norm(), 0.01);
+  EXPECT_LT(error.head<3>().norm(), 1e-3);
+  EXPECT_FALSE(verifier.register_step(submap(make_town(2), T), scan(town, T * T_step), T_step).has_value());
 }
 
 TEST(LoopVerifier, NoPointsAreNoLoop) {

@@ -31,6 +31,13 @@ class LoopVerifier {
   LoopCandidate verify(const std::vector<PlacedCloud>& target, const std::vector<PlacedCloud>& source,
                        const RegistrationStart& start) const;
 
+  /// The same for a keyframe and those just before it (`target`, in the frame of the last of them): from
+  /// `T_start` alone, which is off by a fraction of a metre at most. The information is that of the points
+  /// alone. Nothing when a test of a loop speaks against the result.
+  std::optional<RelativePose> register_step(const std::vector<PlacedCloud>& target,
+                                            const std::vector<PlacedCloud>& source,
+                                            const Eigen::Isometry3d& T_start) const;
+
  private:
   struct Scene;
   struct Solution;
@@ -42,6 +49,7 @@ class LoopVerifier {
                     double distance_m) const;
   std::vector<Eigen::Isometry3d> search(const Scene& scene, const RegistrationStart& start) const;
   void measure(const Scene& scene, const Eigen::Isometry3d& T, LoopCandidate* candidate) const;
+  Matrix6d covariance_of(const Solution& solution, LoopCandidate* candidate) const;
   void set_information(const Solution& best, const std::vector<Eigen::Vector3d>& alternatives,
                        LoopCandidate* candidate) const;
   LoopVerdict judge(const LoopCandidate& candidate) const;
