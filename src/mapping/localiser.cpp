@@ -33,6 +33,8 @@ constexpr double kBrightnessRadiusM = 12.0;
 /// What a registration can be off by without being wrong, besides its covariance.
 constexpr double kBaseSigmaM = 0.1;
 constexpr double kBaseSigmaRad = 0.5 * kDegree;
+/// A hypothesis that a registration moves farther is of another place than before.
+constexpr double kOtherPlaceM = 3.0 * kBaseSigmaM;
 /// Roll and pitch of a new hypothesis: gravity gives them, to the session and to the odometry.
 constexpr double kLevelSigmaRad = 1.0 * kDegree;
 /// Step of the headings about an expected one: what the search of a registration covers.
@@ -288,8 +290,11 @@ LoopCandidate Localiser::Implementation::search(Stamp stamp) {
 
 /// Registers the scan where a hypothesis puts it. What moved (or waited) long enough confirms it once more.
 void Localiser::Implementation::check(PlaceHypothesis* hypothesis, Stamp stamp, LoopCandidate* newest) {
+  const Eigen::Isometry3d T_predicted = hypothesis->estimate.T_map_odom * T_odom_imu();
   const LoopCandidate candidate = correct(&hypothesis->estimate, kModeSigmaM);
   if (candidate.wall_share >= newest->wall_share) *newest = candidate;
+  const Eigen::Isometry3d T_corrected = hypothesis->estimate.T_map_odom * T_odom_imu();
+  if ((T_corrected.translation() - T_predicted.translation()).norm() > kOtherPlaceM) hypothesis->begin_anew();
   hypothesis->add(candidate);
   if (candidate.verdict != LoopVerdict::kAccepted) return;
   const double share = 1.0 / config_.localisation.confirmations;

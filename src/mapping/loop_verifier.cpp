@@ -219,12 +219,17 @@ std::vector<Eigen::Isometry3d> LoopVerifier::search(const Scene& scene,
   }
   std::stable_sort(places.begin(), places.end(),
                    [](const Place& a, const Place& b) { return a.score > b.score; });
+  const double predicted_score = wall_score(scene, start.T_from_to, kScorePoints, 2.0 * kEndResidualM);
   std::vector<Eigen::Isometry3d> starts = {start.T_from_to};
+  const auto is_near = [](const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+    return (a.translation() - b.translation()).norm() < 1.5 * kGridStepM;
+  };
   for (const Place& place : places) {
     if (starts.size() > kStarts) break;
-    const bool is_new = std::none_of(starts.begin(), starts.end(), [&place](const Eigen::Isometry3d& T) {
-      return (T.translation() - place.T.translation()).norm() < 1.5 * kGridStepM;
-    });
+    // Beside the prediction too, where that fits worse: a door frame may hold it.
+    if (is_near(place.T, start.T_from_to) && place.score <= predicted_score) continue;
+    const bool is_new = std::none_of(starts.begin() + 1, starts.end(),
+                                     [&](const Eigen::Isometry3d& T) { return is_near(T, place.T); });
     if (is_new) starts.push_back(place.T);
   }
   return starts;

@@ -29,6 +29,12 @@ bool is_same_place(const PlaceEstimate& a, const PlaceEstimate& b, const Eigen::
   return apart.tail<3>().norm() < kSamePlaceM && apart.head<3>().norm() < kSamePlaceRad;
 }
 
+double mean_of(const std::deque<PlaceFit>& fits, double PlaceFit::*figure) {
+  double sum = 0.0;
+  for (const PlaceFit& fit : fits) sum += fit.*figure;
+  return fits.empty() ? 0.0 : sum / static_cast<double>(fits.size());
+}
+
 /// Whether enough registrations agree and every direction is known.
 bool is_known(const PlaceHypothesis& hypothesis, const OdometryNow& now, const LocalisationConfig& config) {
   if (hypothesis.confirmations < config.confirmations || hypothesis.failures > 0) return false;
@@ -46,15 +52,19 @@ double fit_of(const LoopCandidate& candidate) {
   return candidate.wall_share * std::max(0.0, candidate.surface_correlation);
 }
 
+double PlaceHypothesis::mean_walls() const { return mean_of(fits, &PlaceFit::walls); }
+double PlaceHypothesis::mean_score() const { return mean_of(fits, &PlaceFit::score); }
+
+void PlaceHypothesis::begin_anew() {
+  confirmations = 0;
+  fits.clear();
+}
+
 void PlaceHypothesis::add(const LoopCandidate& candidate) {
-  ++registrations;
-  if (candidate.verdict != LoopVerdict::kAccepted) {
-    ++failures;
-    return;
-  }
-  failures = 0;
-  walls += candidate.wall_share;
-  score += fit_of(candidate);
+  const bool is_good = candidate.verdict == LoopVerdict::kAccepted;
+  failures = is_good ? 0 : failures + 1;
+  fits.push_back(is_good ? PlaceFit{candidate.wall_share, fit_of(candidate)} : PlaceFit{});
+  if (fits.size() > kFits) fits.pop_front();
 }
 
 double largest_sigma(const Eigen::Matrix3d& covariance) {

@@ -14,9 +14,7 @@ PlaceHypothesis at(double x_m, double fit, double walls) {
   hypothesis.estimate.T_map_odom.translation().x() = x_m;
   hypothesis.estimate.covariance = isotropic(0.01, 0.1);
   hypothesis.confirmations = LocalisationConfig().confirmations;
-  hypothesis.registrations = 4;
-  hypothesis.score = 4.0 * fit;
-  hypothesis.walls = 4.0 * walls;
+  hypothesis.fits = {4, {walls, fit}};
   hypothesis.known_sigma_m = needed_sigma_m(0.0);
   return hypothesis;
 }
@@ -61,6 +59,22 @@ TEST(PlaceHypothesis, RegistrationsThatFailCountAsNoFit) {
   EXPECT_EQ(hypothesis.failures, 1);
   EXPECT_DOUBLE_EQ(hypothesis.mean_walls(), 0.4);
   EXPECT_DOUBLE_EQ(hypothesis.mean_score(), 0.2);
+}
+
+/// What drives from one of two equal doors to an unlike one is to be told from the other soon.
+TEST(PlaceHypothesis, OnlyTheLastRegistrationsCount) {
+  LoopCandidate candidate;
+  candidate.verdict = LoopVerdict::kAccepted;
+  PlaceHypothesis hypothesis;
+  candidate.wall_share = 0.3;
+  for (int k = 0; k < 20; ++k) hypothesis.add(candidate);
+  candidate.wall_share = 0.9;
+  for (std::size_t k = 0; k < PlaceHypothesis::kFits; ++k) hypothesis.add(candidate);
+  EXPECT_DOUBLE_EQ(hypothesis.mean_walls(), 0.9);
+  hypothesis.confirmations = 2;
+  hypothesis.begin_anew();
+  EXPECT_EQ(hypothesis.mean_score(), 0.0);
+  EXPECT_EQ(hypothesis.confirmations, 0);
 }
 
 TEST(PlaceHypothesis, TheBestIsBelievedWhenNoOtherFitsNearlyAsWell) {

@@ -88,7 +88,7 @@ struct LocalisationConfig {
   double confirm_distance_m = 2.0;
   double confirm_time_s = 3.0;
   double ambiguity = 0.9;
-  double min_fit = 0.58;
+  double min_fit = 0.53;
   int max_failures = 5;
 
   void visit(ParameterVisitor& visitor);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <deque>
 #include <optional>
 #include <vector>
 
@@ -19,6 +21,12 @@ struct PlaceEstimate {
   double way_m = 0.0;                      ///< of the odometry at the last registration
 };
 
+/// How well one registration fits.
+struct PlaceFit {
+  double walls = 0.0;  ///< share of its walls
+  double score = 0.0;  ///< `fit_of`
+};
+
 /// A place that may be the right one. Where several fit about as well, each is a hypothesis of its own.
 struct PlaceHypothesis {
   PlaceEstimate estimate;
@@ -27,15 +35,20 @@ struct PlaceHypothesis {
   Stamp confirmed_at = 0;
   double confirmed_at_m = 0.0;
   int confirmations = 0;
-  int failures = 0;  ///< in a row
-  int registrations = 0;
-  double walls = 0.0;          ///< sum of the wall shares of its registrations
-  double score = 0.0;          ///< sum of their fits
+  int failures = 0;            ///< in a row
+  std::deque<PlaceFit> fits;   ///< of the last kFits registrations: what a place looked like farther back
+                               ///< says nothing of how alike two places are here
   double known_sigma_m = 0.0;  ///< to which it must be known to be believed
   bool is_given = false;       ///< found where the user said
 
-  double mean_walls() const { return registrations == 0 ? 0.0 : walls / registrations; }
-  double mean_score() const { return registrations == 0 ? 0.0 : score / registrations; }
+  static constexpr std::size_t kFits = 5;
+
+  /// Means over `fits`; 0 without any.
+  double mean_walls() const;
+  double mean_score() const;
+
+  /// Forgets the registrations so far: they were of another place.
+  void begin_anew();
 
   /// One registration more; one that failed counts as no fit.
   void add(const LoopCandidate& candidate);
