@@ -41,6 +41,8 @@ constexpr double kLevelSigmaRad = 1.0 * kDegree;
 constexpr double kHeadingStepRad = 0.3;
 /// A heading that is nearer to that of a hypothesis is not looked at again.
 constexpr double kSameLookRad = 12.0 * kDegree;
+/// The same for a place that looks alike: a hypothesis of the next door does not stand for it.
+constexpr double kSameLookM = 1.5;
 /// How far a hypothesis is looked for about where it is: other places are hypotheses of their own.
 constexpr double kModeSigmaM = 0.5;
 /// What the search of a registration covers at most.
@@ -373,7 +375,7 @@ void Localiser::Implementation::look_where_alike(Stamp stamp, LoopCandidate* new
     Eigen::Isometry3d T_from_to = Eigen::Isometry3d::Identity();
     T_from_to.linear() = session_.turned(alike.index, alike.match.yaw_rad, T_odom_imu().linear());
     const Eigen::Isometry3d T_map_imu = session_.T_map_imu(alike.index) * T_from_to;
-    if (is_looked_at(T_map_imu, 2.0 * kDescriptorSigmaM)) continue;
+    if (is_looked_at(T_map_imu, kSameLookM)) continue;
     for (const PlaceHypothesis& each :
          look_at(T_map_imu, kDescriptorSigmaM, kDescriptorSigmaRad, needed_sigma_m(0.0), stamp, newest))
       hypotheses_.push_back(each);
