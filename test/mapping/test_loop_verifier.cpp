@@ -122,6 +122,19 @@ TEST(LoopVerifier, RepetitionWithinTheUncertaintySaysNothingAlongItself) {
   EXPECT_NEAR(known.measured.T_from_to.translation().x(), 0.2, 0.05);
 }
 
+/// A prediction that is off by as much as a pillar is thick lies in a hollow of its own: the one side of each
+/// pillar on the other.
+TEST(LoopVerifier, LooksBesideThePrediction) {
+  const SyntheticWorld hall = make_hall(7.0);
+  const LoopVerifier verifier{Config()};
+  const Eigen::Isometry3d T = planar_pose(0.0, 0.0, 0.0);
+  for (const double off_m : {-1.0, 1.0}) {
+    const LoopCandidate found = verifier.verify(submap(hall, T), last_scans(hall, planar_pose(0.2, 0.1, 0.0)),
+                                                start_at(planar_pose(0.2 + off_m, 0.1, 0.0), 0.5));
+    EXPECT_NEAR(found.measured.T_from_to.translation().x(), 0.2, 0.05) << off_m;
+  }
+}
+
 TEST(LoopVerifier, StepsAreRegisteredToMillimetres) {
   const SyntheticWorld town = make_town(1);
   const Eigen::Isometry3d T = planar_pose(25.0, 0.0, 1.5);
