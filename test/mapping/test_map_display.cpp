@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "fdi_lio/mapping/map_display.hpp"
+#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 namespace {
@@ -29,7 +30,9 @@ double share_off(const std::vector<Point>& shown, const std::vector<Point>& trut
 /// After a loop was closed, what is shown is the map of the corrected poses, though most of it was shown
 /// before at others.
 TEST(MapDisplay, FollowsTheGraph) {
-  const SyntheticDrive drive(1, 1.3, 4e-4);
+  SyntheticDrive drive(1, 1.3, 4e-4);
+  // As good as they are: the steps are left to the loops (OdometryCheck would correct them before).
+  for (Keyframe& keyframe : drive.keyframes) keyframe.covariance = 1e-5 * Matrix6d::Identity();
   Config config;
   Reporter reporter;
   GlobalOptimizer global(config, &reporter);
