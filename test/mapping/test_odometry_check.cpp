@@ -40,7 +40,7 @@ TEST(OdometryCheck, LooksSeldomWhileTheCloudsAgree) {
     EXPECT_TRUE(check.checked(odometry_step(), registered_step(0.1 * kSigmaM))
                     .T_from_to.isApprox(odometry_step().T_from_to, 1e-12));
   }
-  EXPECT_EQ(registered, 20);
+  EXPECT_EQ(registered, 15);
 }
 
 TEST(OdometryCheck, LooksAtEachStepAfterOneThatDeviates) {

@@ -33,7 +33,7 @@ class OdometryCheck {
 
  private:
   static constexpr std::size_t kWindow = 10;
-  static constexpr std::size_t kSparse = 10;
+  static constexpr std::size_t kSparse = 20;
 
   void remember(double deviation);
 
