@@ -2,10 +2,10 @@
 """Judges the degeneracy of runs against the truth: does a high FDI mean a large error, and is the class right?
 
 Takes output folders of offline_slam and the files that simulate_bag wrote beside the recordings (STEM.tum, and for the
-classes STEM.yaml and STEM.labels); a run belongs to the STEM with which its name begins. Prints, for each run and
-over all scans of all runs, Spearman's rank correlation of the FDI with the registration error of the scan, the share
-of scans with the right class, and changes of the class beyond the true ones per 100 scans. docs/degeneracy.md defines
-the error and the true class.
+classes STEM.yaml and STEM.labels) and evaluate_registration (STEM.registration.csv); a run belongs to the STEM with
+which its name begins. Prints, for each run and over all scans of all runs, Spearman's rank correlation of the FDI with
+the registration error of the scan and with the drift over a second about it, the share of scans with the right class,
+and changes of the class beyond the true ones per 100 scans. docs/degeneracy.md defines errors and true class.
 
     scripts/evaluate_degeneracy.py out/runs/* --truth out/bags
 """

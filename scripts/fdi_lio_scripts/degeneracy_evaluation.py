@@ -8,21 +8,23 @@ from typing import Dict, List, Optional, Sequence
 import numpy as np
 
 from .degeneracy_csv import Degeneracy, read_degeneracy
-from .degeneracy_truth import CLASSES, read_recording, registration_errors_m, true_classes
+from .degeneracy_truth import CLASSES, drifts_m, read_recording, read_registration_errors_m, true_classes
 from .errors import UserError
 from .trajectory_io import read_trajectory
 
-SUB_FACTORS = ("structural", "sparse", "dynamic")
+PARTS = ("structural", "sparse", "dynamic", "position_sigma")  # what the FDI is made of
 FEWEST_SCANS = 3  # of a rank correlation
 
 
 @dataclass(frozen=True)
 class JudgedRun:
-    """Scans of one run with what is true of them. `true_class` is empty for a real recording."""
+    """Scans of one run with what is true of them. `true_class` is empty for a real recording, the registration
+    errors are NaN where nobody measured them."""
 
     name: str
     table: Degeneracy
-    error_m: np.ndarray
+    registration_m: np.ndarray
+    drift_m: np.ndarray
     true_class: List[str]
 
 
@@ -70,7 +72,11 @@ def judge_run(run: Path, truth_folder: Optional[Path]) -> JudgedRun:
         if "points" not in table.others:
             raise UserError(f"{run}/degeneracy.csv: has no column 'points': run offline_slam again")
         classes = true_classes(recording, truth, table.stamps, table.others["points"])
-    return JudgedRun(run.name, table, registration_errors_m(odometry, truth), classes)
+    errors = Path(f"{stem}.registration.csv")
+    registration = (
+        read_registration_errors_m(errors, table.stamps) if errors.is_file() else np.full(len(table.stamps), np.nan)
+    )
+    return JudgedRun(run.name, table, registration, drifts_m(odometry, truth), classes)
 
 
 def truth_stem(run: Path, truth_folder: Optional[Path]) -> Path:
@@ -90,13 +96,14 @@ def figures(run: JudgedRun) -> Dict[str, object]:
     row: Dict[str, object] = {
         "run": run.name,
         "scans": len(run.table.stamps),
-        "error_m": _median(run.error_m),
         "fdi": _median(run.table.fdi),
-        "spearman": spearman(run.table.fdi, run.error_m),
     }
-    for name in SUB_FACTORS:
-        if name in run.table.others:
-            row[f"spearman_{name}"] = spearman(run.table.others[name], run.error_m)
+    for name, error_m in (("registration", run.registration_m), ("drift", run.drift_m)):
+        row[f"{name}_m"] = _median(error_m)
+        row[f"spearman_{name}"] = spearman(run.table.fdi, error_m)
+        for part in PARTS:
+            if part in run.table.others:
+                row[f"spearman_{name}_{part}"] = spearman(run.table.others[part], error_m)
     if run.true_class:
         right = [a == b for a, b in zip(run.table.classes, run.true_class)]
         row["right"] = float(np.mean(right))
@@ -128,10 +135,11 @@ def summary(runs: Sequence[JudgedRun]) -> Dict[str, object]:
             [],
             {
                 name: np.concatenate([run.table.others[name] for run in runs])
-                for name in SUB_FACTORS if all(name in run.table.others for run in runs)
+                for name in PARTS if all(name in run.table.others for run in runs)
             },
         ),
-        np.concatenate([run.error_m for run in runs]),
+        np.concatenate([run.registration_m for run in runs]),
+        np.concatenate([run.drift_m for run in runs]),
         [],
     )
     row = figures(joined)
@@ -152,18 +160,25 @@ def summary(runs: Sequence[JudgedRun]) -> Dict[str, object]:
 def text_table(rows: Sequence[Dict[str, object]]) -> str:
     """One line a run, the last one over all."""
     width = max(len(str(row["run"])) for row in rows)
-    lines = [f"{'run':{width}}  scans  error [m]   FDI  Spearman  right  flickers/100  true class -> class"]
+    lines = [
+        f"{'run':{width}}  scans   FDI  registration [mm]  Spearman  drift [mm]  Spearman  right  flickers/100  "
+        "true class -> class"
+    ]
     for row in rows:
         right = f"{100 * row['right']:4.0f} %  {row['flickers_per_100']:12.2f}" if "right" in row else ""
         classes = f"  {row['true_class']} -> {row['class']}" if "true_class" in row else ""
         lines.append(
-            f"{row['run']:{width}}  {row['scans']:5d}  {row['error_m']:9.4f}  {row['fdi']:.2f}  "
-            f"{row['spearman']:8.2f}  {right}{classes}"
+            f"{row['run']:{width}}  {row['scans']:5d}  {row['fdi']:.2f}  {1e3 * row['registration_m']:17.1f}  "
+            f"{row['spearman_registration']:8.2f}  {1e3 * row['drift_m']:10.1f}  {row['spearman_drift']:8.2f}  "
+            f"{right}{classes}"
         )
     whole = rows[-1]
-    for name in SUB_FACTORS:
-        if f"spearman_{name}" in whole:
-            lines.append(f"Spearman of the {name} sub-factor, all scans: {whole[f'spearman_{name}']:.2f}")
+    for part in PARTS:
+        if f"spearman_drift_{part}" in whole:
+            lines.append(
+                f"Spearman of {part}, all scans: {whole[f'spearman_registration_{part}']:.2f} with the registration "
+                f"error, {whole[f'spearman_drift_{part}']:.2f} with the drift"
+            )
     for name, share in dict(whole.get("right_by_class", {})).items():
         lines.append(f"right where {name} is true: {100 * share:.0f} %")
     return "\n".join(lines) + "\n"

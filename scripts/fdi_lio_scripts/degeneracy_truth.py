@@ -1,9 +1,12 @@
-"""What the degeneracy of a simulated scan should have been: registration error and class of the surroundings.
+"""What the degeneracy of a simulated scan should have been: errors and class of the surroundings.
 
-Registration error of scan k: translation of the relative pose error over one second about it,
-    e_k = |t((Q_i^-1 Q_j)^-1 (P_i^-1 P_j))|,   i the last scan at least 0.5 s before k, j the first 0.5 s after,
-with odometry P (before loop closures) and truth Q. One second, because from scan to scan the noise of two
-poses hides the drift. Scans at the ends, where i or j is missing, have no error.
+Registration error of scan k: what is left of a start beside the true pose when the scan is registered with the scans
+before it at their true poses (evaluate_registration writes it to STEM.registration.csv).
+
+Drift at scan k: translation of the relative pose error of the odometry P (before loop closures) over one second,
+    d_k = |t((Q_i^-1 Q_j)^-1 (P_i^-1 P_j))|,   i the last scan at least 0.5 s before k, j the first 0.5 s after,
+with truth Q. One second, because from scan to scan the noise of two poses hides the drift. Scans at the ends, where
+i or j is missing, have none.
 
 True class: from how the place was built and what moved in it, not from what the system made of it.
     poor     by construction the surfaces do not fix every direction well: tunnel, corridor and highway repeat along
@@ -32,11 +35,12 @@ POOR_WORLDS = ("tunnel", "corridor", "highway", "forest")
 ROUGH_RELIEF = 0.5
 HALF_WINDOW_S = 0.5
 MOVING_SHARE = 0.07
+LARGEST_CLOCK_ERROR_S = 0.04  # less than half a scan
 SMOOTHING_S = 1.0
 
 
-def registration_errors_m(odometry: Trajectory, truth: Trajectory) -> np.ndarray:
-    """e_k of each pose of `odometry`; NaN where the second about it is not covered."""
+def drifts_m(odometry: Trajectory, truth: Trajectory) -> np.ndarray:
+    """d_k of each pose of `odometry`; NaN where the second about it is not covered."""
     stamps = odometry.stamps
     errors = np.full(len(stamps), np.nan)
     slack_s = 1e-6
@@ -52,6 +56,28 @@ def registration_errors_m(odometry: Trajectory, truth: Trajectory) -> np.ndarray
         return errors
     inside = np.clip(stamps, truth.stamps[0], truth.stamps[-1])
     errors[covered] = relative_errors(odometry, interpolate_at(truth, inside), i, j).translation_m
+    return errors
+
+
+def read_registration_errors_m(path: Path, stamps: np.ndarray) -> np.ndarray:
+    """e_k of the scans with these stamps [s]; NaN for those that evaluate_registration left out.
+
+    Its stamps are of the true clock of the lidar, so that they differ by the error of the clock.
+    """
+    errors = np.full(len(stamps), np.nan)
+    try:
+        rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+    except ValueError as error:
+        raise UserError(f"{path}: is no file of evaluate_registration ({error}): write it again") from None
+    if len(rows) == 0:
+        return errors
+    if rows.shape[1] != 2:
+        raise UserError(f"{path}: has {rows.shape[1]} columns instead of stamp,error: write it again")
+    nearest = np.abs(stamps[:, None] - rows[:, 0]).argmin(axis=0)
+    apart_s = np.abs(stamps[nearest] - rows[:, 0])
+    if apart_s.max() > LARGEST_CLOCK_ERROR_S:
+        raise UserError(f"{path}: has scans that the run has not: are both of the same recording?")
+    errors[nearest] = rows[:, 1]
     return errors
 
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include <malloc.h>
+
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/mapping/ghost_remover.hpp"
 #include "fdi_lio/mapping/graph_measurements.hpp"
@@ -230,6 +232,8 @@ void GlobalOptimizer::Implementation::solve() {
     reporter_->report(Severity::kError, "pose_graph", "the pose graph could not be optimised");
   for (std::size_t k = 0; k < poses_.size(); ++k) poses_[k] = graph_.pose(k);
   measurements_.solved();
+  // What the solver needed lies scattered between what stays.
+  malloc_trim(0);
   solved_at_ = frames_.size();
   unsolved_loops_ = 0;
   has_contradiction_ = false;

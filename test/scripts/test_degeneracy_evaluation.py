@@ -1,4 +1,4 @@
-"""evaluate_degeneracy.py: rank correlation, registration error, true classes and flickers with known answers."""
+"""evaluate_degeneracy.py: rank correlation, errors, true classes and flickers with known answers."""
 
 import json
 import struct
@@ -10,7 +10,7 @@ from trajectories import line, write_tum
 
 from fdi_lio_scripts.degeneracy_evaluation import class_changes, flickers, ranks, spearman
 from fdi_lio_scripts.degeneracy_truth import (
-    Recording, moving_shares, read_labels, registration_errors_m, true_classes
+    Recording, drifts_m, moving_shares, read_labels, read_registration_errors_m, true_classes
 )
 from fdi_lio_scripts.errors import UserError
 
@@ -38,29 +38,45 @@ def test_spearman_leaves_out_what_is_unknown_and_knows_when_it_says_nothing():
     assert np.isnan(spearman(x, np.ones(5)))
 
 
-def test_registration_error_is_the_drift_over_a_second():
+def test_drift_is_the_relative_error_over_a_second():
     truth = line(30.0, 0.5)  # 10 Hz, 5 m/s
     drifting = replace(truth, positions=truth.positions * [1.02, 1, 1])
-    errors = registration_errors_m(drifting, truth)
+    errors = drifts_m(drifting, truth)
     assert np.isnan(errors[:5]).all() and np.isnan(errors[-5:]).all()
     np.testing.assert_allclose(errors[5:-5], 0.02 * 5.0, atol=1e-9)  # 10 steps of 0.1 s
 
 
-def test_registration_error_of_one_jump_is_seen_by_the_scans_about_it():
+def test_drift_of_one_jump_is_seen_by_the_scans_about_it():
     truth = line(30.0, 0.5)
     positions = truth.positions.copy()
     positions[30:, 1] += 0.3
-    errors = registration_errors_m(replace(truth, positions=positions), truth)
+    errors = drifts_m(replace(truth, positions=positions), truth)
     assert np.flatnonzero(np.nan_to_num(errors) > 1e-9).tolist() == list(range(25, 35))
     np.testing.assert_allclose(errors[25:35], 0.3, atol=1e-9)
 
 
-def test_a_gap_in_the_odometry_has_no_error():
+def test_a_gap_in_the_odometry_has_no_drift():
     truth = line(60.0, 0.5)
     kept = np.r_[0:40, 60:121]
-    errors = registration_errors_m(truth.take(kept), truth)
+    errors = drifts_m(truth.take(kept), truth)
     assert np.isnan(errors[36:44]).all()
     assert np.isfinite(errors[10:34]).all()
+
+
+def test_registration_errors_find_their_scans_in_spite_of_the_clock(tmp_path):
+    path = tmp_path / "a.registration.csv"
+    path.write_text("stamp,error\n10.203,0.5\n10.397,0.25\n")
+    errors = read_registration_errors_m(path, 10.0 + 0.1 * np.arange(6))
+    np.testing.assert_array_equal(errors, [np.nan, np.nan, 0.5, np.nan, 0.25, np.nan])
+
+
+@pytest.mark.parametrize("text, said", [("stamp,error\n11.0,0.5\n", "same recording"), ("stamp,error\nx,0.5\n", "again"),
+                                        ("stamp,error\n10.1,0.5,3\n", "3 columns")])
+def test_registration_errors_of_another_recording_are_refused(tmp_path, text, said):
+    path = tmp_path / "a.registration.csv"
+    path.write_text(text)
+    with pytest.raises(UserError, match=said):
+        read_registration_errors_m(path, 10.0 + 0.1 * np.arange(6))
 
 
 def write_labels(path, headers_ns, moving, total=10):
@@ -136,7 +152,7 @@ def test_script_prints_the_correlation_of_a_real_recording(run_script, tmp_path)
     assert done.returncode == 0, done.stderr
     rows = json.loads((tmp_path / "out.json").read_text())
     assert [row["run"] for row in rows] == ["street_1_full", "all"]
-    assert rows[-1]["spearman"] == pytest.approx(1.0)
+    assert rows[-1]["spearman_drift"] == pytest.approx(1.0)
     assert "right" not in rows[-1]
 
 
@@ -149,9 +165,20 @@ def test_script_judges_the_class_of_a_simulated_recording(run_script, tmp_path):
     done = run_script("evaluate_degeneracy.py", run, "--truth", tmp_path, "--json", tmp_path / "out.json")
     assert done.returncode == 0, done.stderr
     whole = json.loads((tmp_path / "out.json").read_text())[-1]
-    assert whole["spearman"] == pytest.approx(-1.0)
+    assert whole["spearman_drift"] == pytest.approx(-1.0)
     assert whole["right"] == pytest.approx(120 / 121)
     assert whole["flickers_per_100"] == pytest.approx(200 / 121)
+
+
+def test_script_prints_the_correlation_with_the_registration_error(run_script, tmp_path):
+    run, truth = write_judged_run(tmp_path, lambda x: x / 60)
+    rows = [f"{stamp + 0.002:.9f},{0.01 * (k + 1):.6f}" for k, stamp in enumerate(truth.stamps[5::5])]
+    (tmp_path / "street_1.registration.csv").write_text("\n".join(["stamp,error", *rows]) + "\n")
+    done = run_script("evaluate_degeneracy.py", run, "--json", tmp_path / "out.json")
+    assert done.returncode == 0, done.stderr
+    whole = json.loads((tmp_path / "out.json").read_text())[-1]
+    assert whole["spearman_registration"] == pytest.approx(1.0)
+    assert whole["registration_m"] == pytest.approx(0.01 * (len(rows) + 1) / 2)
 
 
 def test_missing_truth_is_named(run_script, tmp_path):

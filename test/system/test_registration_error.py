@@ -1,0 +1,72 @@
+#!/usr/bin/python3
+"""evaluate_registration: where nothing is open a wrong start is forgotten, along a tunnel without intensity it stays.
+
+usage: test_registration_error.py BIN_DIR SOURCE_DIR
+"""
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+
+BIN = pathlib.Path()
+SOURCE = pathlib.Path()
+
+
+class RegistrationError(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.path = pathlib.Path(folder.name)
+
+    def simulate(self, scenario, duration_s=8):
+        subprocess.run([BIN / "simulate_bag", "--scenario", SOURCE / f"config/scenarios/{scenario}.yaml", "--seed", "1",
+                        "--set", "lidar.model=vlp16", "--output", self.path / "a.bag", "--duration",
+                        str(duration_s)], check=True, capture_output=True)
+
+    def evaluate(self, *options):
+        return subprocess.run([BIN / "evaluate_registration", "--config", self.path / "a.config.yaml", "--bag",
+                               self.path / "a.bag", "--output", self.path / "a.csv", *options], capture_output=True,
+                              text=True, check=False)
+
+    def errors_m(self, *options):
+        done = self.evaluate(*options)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        rows = np.loadtxt(self.path / "a.csv", delimiter=",", skiprows=1)
+        self.assertGreaterEqual(len(rows), 15)  # every fifth of 80 scans
+        self.assertTrue(np.isfinite(rows).all())
+        return rows[:, 1]
+
+    def test_a_square_leaves_nothing_open(self):
+        self.simulate("plaza")
+        self.assertLess(np.median(self.errors_m()), 0.01)
+
+    def test_a_tunnel_leaves_its_axis_to_the_intensity(self):
+        self.simulate("tunnel", 18)
+        inside = ("--start", "7")
+        # What stays of starts 0.2 m beside the truth along three axes is up to sqrt((0.2 m)^2 / 3) = 0.115 m.
+        blind = np.median(self.errors_m(*inside, "--set", "mapping.use_intensity=false"))
+        self.assertGreater(blind, 0.05)
+        self.assertLess(np.median(self.errors_m(*inside)), 0.4 * blind)
+
+    def test_a_recording_without_truth(self):
+        self.simulate("plaza")
+        (self.path / "a.tum").unlink()
+        done = self.evaluate()
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("a.tum", done.stderr)
+        self.assertIn("simulate_bag", done.stderr)
+
+    def test_a_recording_without_its_calibration(self):
+        self.simulate("plaza")
+        (self.path / "a.yaml").write_text("seed: 1\n")
+        done = self.evaluate()
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("a.yaml", done.stderr)
+
+
+if __name__ == "__main__":
+    BIN, SOURCE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2)
