@@ -73,7 +73,7 @@ void visit_noise(LoopConfig& c, ParameterVisitor& v) {
             c.solve_every, 1, 10000);
   v.integer(
       {"loop.cloud_memory", "MB",
-       "for the keyframes: clouds that find no room beside the graph (28 KB a keyframe) are kept on disk "
+       "for the keyframes: clouds that find no room beside the graph (40 KB a keyframe) are kept on disk "
        "only"},
       c.cloud_memory_mb, 1, 1000000);
   v.flag({"loop.save_session", "", "offline_slam also writes OUTPUT/session, with all keyframe clouds"},

@@ -279,7 +279,7 @@ TEST(GlobalOptimizer, CloudsMakeRoomForTheGraph) {
   const std::size_t whole = std::size_t{3} << 20U;
   EXPECT_EQ(global.cloud_memory_bytes(), whole);
   for (const Keyframe& keyframe : drive.keyframes) {
-    const std::size_t graph = 28 * 1024 * global.size();
+    const std::size_t graph = 40 * 1024 * global.size();
     global.add(keyframe);
     EXPECT_EQ(global.cloud_memory_bytes(), std::max(whole / 10, whole - std::min(whole, graph)));
   }
