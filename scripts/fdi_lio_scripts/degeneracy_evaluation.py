@@ -12,7 +12,8 @@ from .degeneracy_truth import CLASSES, drifts_m, read_recording, read_registrati
 from .errors import UserError
 from .trajectory_io import read_trajectory
 
-PARTS = ("structural", "sparse", "dynamic", "position_sigma")  # what the FDI is made of
+SUB_FACTORS = ("structural", "sparse", "dynamic")
+PARTS = (*SUB_FACTORS, "position_sigma")  # what the FDI is made of
 FEWEST_SCANS = 3  # of a rank correlation
 
 

@@ -5,8 +5,8 @@
 namespace fdi_lio::degeneracy {
 
 const char* const kLearnedStructural =
-    "0.0919 0.2273 0.1990 0.2000 0.1162 0.0626 0.0242 0.0222 0.0364 0.0202";
-const char* const kLearnedSparse = "0.6475 0.1040 0.0859 0.0455 0.0657 0.0212 0.0071 0.0091 0.0091 0.0051";
-const char* const kLearnedDynamic = "0.7273 0.1111 0.0182 0.0465 0.0768 0.0081 0.0030 0.0030 0.0030 0.0030";
+    "0.0030 0.0040 0.0040 0.1485 0.1768 0.3020 0.2606 0.0677 0.0303 0.0030";
+const char* const kLearnedSparse = "0.6626 0.0414 0.0818 0.0404 0.0576 0.0293 0.0566 0.0081 0.0040 0.0182";
+const char* const kLearnedDynamic = "0.7010 0.1172 0.0273 0.0111 0.0859 0.0455 0.0030 0.0030 0.0030 0.0030";
 
 }  // namespace fdi_lio::degeneracy

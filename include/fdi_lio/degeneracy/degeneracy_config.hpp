@@ -26,22 +26,22 @@ struct DegeneracyConfig {
   double gradient_floor = 0.05;
   double gradient_percentile = 0.99;
 
-  double complexity_gain = 15.0;
-  double complexity_centre = 0.6;
-  double deviation_gain = 12.0;
-  double deviation_scale_m = 0.1;
+  double complexity_gain = 5.0;
+  double complexity_centre = 0.53;
+  double deviation_gain = 25.0;
+  double deviation_scale_m = 0.055;
   double entropy_gain = 10.0;
   double entropy_centre = 0.82;
   double gradient_gain = 3.0;
   double gradient_centre = 0.2;
-  double curvature_gain = 0.5;
+  double curvature_gain = 0.2;
   double curvature_centre = 2.5;
-  double gradient_variation_gain = 0.5;
+  double gradient_variation_gain = 0.2;
   double gradient_variation_centre = 1.0;
   double moving_gain = 1.5;
   double moving_centre = 0.3;
-  double uncertainty_structural_gain = 3.0;
-  double uncertainty_sparse_gain = 3.0;
+  double uncertainty_structural_gain = 1.2;
+  double uncertainty_sparse_gain = 5.0;
   double uncertainty_centre_m = 0.004;
 
   int window_scans = 50;
@@ -53,11 +53,11 @@ struct DegeneracyConfig {
   double reference_scale = 0.3;
   double weight_entropy = 0.3;
   double weight_divergence = 1.0;
-  double weight_floor = 0.05;
+  double weight_floor = 0.3;
 
   int class_hold_scans = 5;
   double class_margin = 0.1;
-  double class_poor_threshold = 0.7;
+  double class_poor_threshold = 0.73;
   double class_dynamic_threshold = 0.05;
 
   void visit(ParameterVisitor& visitor);
