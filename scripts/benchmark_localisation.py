@@ -3,8 +3,9 @@
 there, with other sensor errors and from other starts, half of them in the other direction, are localised in it.
 
 For each start: how long it took until the place was found, whether it was the right one, and the error of the poses
-from then on, without any alignment of their own: in the world (the session is put where its own truth says, and
-its own error adds), and in the session (against where the session puts its own nearest pose).
+from then on: their ATE (aligned to their truth, as everywhere), and without any alignment of their own in the session
+(against where the session puts its own nearest pose) and in the world (the session is put where its own truth says,
+and its own error adds).
 """
 import argparse
 import pathlib
@@ -102,7 +103,7 @@ def main():
     way = np.loadtxt(drives.path / "session.tum")
     length = np.linalg.norm(np.diff(way[:, 1:4], axis=0), axis=1).sum()
     print(f"session: {length:.0f} m, ATE {np.sqrt((residual ** 2).sum(axis=1).mean()):.3f} m", flush=True)
-    print("start s  reversed  found s  world m  session m  worst m  off the session's way m", flush=True)
+    print("start s  reversed  found s  ATE m  session m  world m  worst m  off the session's way m", flush=True)
     results = []
     for k in range(arguments.starts):
         start, is_reversed = int(arguments.session_duration * (k + 1) / (arguments.starts + 1)), k % 2 == 1
@@ -113,7 +114,7 @@ def main():
         is_found, _ = drives.run(name, "--localise", drives.path / "session/session", *guess)
         begin = np.loadtxt(drives.path / name / "odometry.tum")[0, 0]
         beside = np.linalg.norm(way[:, 1:4] - np.loadtxt(drives.path / f"{name}.tum")[0, 1:4], axis=1).min()
-        found_s, ate, local, worst = float("inf"), float("nan"), float("nan"), float("nan")
+        found_s, ate, local, world, worst = float("inf"), *4 * [float("nan")]
         if is_found:
             poses = np.loadtxt(drives.path / name / "trajectory.tum", ndmin=2)
             found_s = poses[0, 0] - begin
@@ -121,15 +122,17 @@ def main():
             error = poses[:, 1:4] @ rotation.T + translation - truth
             nearest = [np.argmin(np.linalg.norm(truth_of_session - p, axis=1)) for p in truth]
             length_of = np.linalg.norm(error, axis=1)
-            ate, worst = rms(length_of), length_of.max()
+            world, worst = rms(length_of), length_of.max()
+            own_rotation, own_translation = rigid(poses[:, 1:4], truth)
+            ate = rms(np.linalg.norm(poses[:, 1:4] @ own_rotation.T + own_translation - truth, axis=1))
             local = rms(np.linalg.norm(error - residual[nearest], axis=1))
-        results.append((found_s, ate, worst, local))
-        print(f"{start:7d}  {is_reversed!s:8}  {found_s:7.1f}  {ate:7.3f}  {local:9.3f}  {worst:7.3f}  {beside:6.2f}",
-              flush=True)
+        results.append((found_s, worst, ate, local, world))
+        print(f"{start:7d}  {is_reversed!s:8}  {found_s:7.1f}  {ate:5.3f}  {local:9.3f}  {world:7.3f}  {worst:7.3f}  "
+              f"{beside:6.2f}", flush=True)
     found = np.array(results)
-    print(f"found within 10 s: {(found[:, 0] <= 10.0).mean():.0%}; wrong places: {(found[:, 2] > WRONG_M).sum()}; "
-          f"rms error in the session: median {np.nanmedian(found[:, 3]):.3f} m, largest {np.nanmax(found[:, 3]):.3f} m; "
-          f"in the world: median {np.nanmedian(found[:, 1]):.3f} m, largest {np.nanmax(found[:, 1]):.3f} m")
+    print(f"found within 10 s: {(found[:, 0] <= 10.0).mean():.0%}; wrong places: {(found[:, 1] > WRONG_M).sum()}")
+    for name, errors in zip(("ATE", "rms error in the session", "rms error in the world"), found[:, 2:].T):
+        print(f"{name} of a drive: median {np.nanmedian(errors):.3f} m, largest {np.nanmax(errors):.3f} m")
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/mapping/ghost_remover.hpp"
 #include "fdi_lio/mapping/graph_measurements.hpp"
+#include "fdi_lio/mapping/loop_decisions.hpp"
 #include "fdi_lio/mapping/loop_detector.hpp"
 #include "fdi_lio/mapping/loop_verifier.hpp"
 #include "fdi_lio/mapping/odometry_check.hpp"
@@ -19,19 +20,9 @@ namespace fdi_lio::mapping {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
-/// Uncertainty of a relative pose that no drift has widened.
-constexpr double kBaseSigmaM = 0.1;
-constexpr double kBaseSigmaRad = 0.5 * kDegree;
-/// A loop that the graph takes with less weight contradicts the others.
-constexpr double kMinLoopWeight = 0.25;
-/// A loop deviates from a graph that agrees with it by this at most, squared and in standard deviations: the
-/// next loop is searched for from poses that were not corrected by this one.
-constexpr double kAgreeingSq = 0.5;
 /// The more keyframes there are, the longer an optimisation takes and the less a single loop changes: one
 /// keyframe comes between two optimisations for each so many. So the mean cost of a keyframe stays the same.
 constexpr std::size_t kKeyframesOfWait = 200;
-/// How long a loop waits for a second one that agrees.
-constexpr double kConfirmationPathM = 60.0;
 /// Way before the later keyframe whose scans are registered together with it.
 constexpr double kSourceLengthM = 5.0;
 constexpr std::size_t kSourceKeyframes = 4;
@@ -68,11 +59,6 @@ std::size_t memory_of_clouds(const LoopConfig& config, std::size_t keyframes) {
 
 class GlobalOptimizer::Implementation {
  public:
-  struct GraphLoop {
-    std::size_t candidate;  ///< index in `loops_`
-    std::size_t in_graph;
-  };
-
   Implementation(const Config& config, Reporter* reporter)
       : config_(config.loop),
         reporter_(reporter),
@@ -81,6 +67,7 @@ class GlobalOptimizer::Implementation {
         store_(memory_of_clouds(config.loop, 0)),
         detector_(config.loop),
         verifier_(config),
+        decisions_(config.loop),
         measurements_(config, reporter) {}
 
   void add(Keyframe keyframe);
@@ -104,32 +91,18 @@ class GlobalOptimizer::Implementation {
   /// contradicts it.
   std::vector<Eigen::Isometry3d> chain_;
   OdometryCheck check_;
-  std::vector<LoopCandidate> loops_;
-  std::vector<std::size_t> pending_;  ///< indices in `loops_`
+  LoopDecisions decisions_;
   double searched_at_m_ = 0.0;
   GraphMeasurements measurements_;
-  std::size_t solved_at_ = 0;        ///< keyframes at the last optimisation
-  int unsolved_loops_ = 0;           ///< since then
-  bool has_contradiction_ = false;   ///< among them is one that the graph did not agree with
-  std::vector<GraphLoop> unjudged_;  ///< those of them whose verdict it will give
-  double loop_at_m_ = 0.0;           ///< way at the last keyframe with an accepted loop
+  std::size_t solved_at_ = 0;  ///< keyframes at the last optimisation
 
  private:
-  double drift_m() const { return config_.drift_share * (frames_.back().path_m - loop_at_m_); }
-  double drift_rad() const {
-    return config_.drift_rotation_deg_per_m * kDegree * (frames_.back().path_m - loop_at_m_);
-  }
   RelativePose odometry_step(const Keyframe& keyframe, double step_m) const;
   RelativePose checked_step(const RelativePose& odometry);
   void search();
   LoopCandidate examine(const LoopProposal& proposal);
   std::vector<PlacedCloud> submap(std::size_t center, double before_m, double after_m, std::size_t limit);
-  void decide(std::size_t index);
-  bool agree(const LoopCandidate& a, const LoopCandidate& b) const;
-  void accept(const std::vector<std::size_t>& indices);
   bool may_solve() const { return frames_.size() - solved_at_ >= frames_.size() / kKeyframesOfWait; }
-  void judge(const std::vector<GraphLoop>& loops);
-  void expire_pending();
   void use_measurements();
 };
 
@@ -194,7 +167,7 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
     if (keyframe.begins_session) {
       // All keyframes of before are old enough for loops.
       step_m = config_.min_path_m;
-      loop_at_m_ = frames_.back().path_m + step_m - kSessionDriftM / config_.drift_share;
+      decisions_.set_drift(frames_.back().path_m + step_m, kSessionDriftM);
     }
     RelativePose edge = odometry_step(keyframe, step_m);
     if (config_.enabled && !keyframe.begins_session && check_.is_due()) edge = checked_step(edge);
@@ -208,7 +181,8 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
   measurements_.add_gravity(frames_, poses_.back(), keyframe.down_imu, &graph_);
   detector_.add(place, frames_.back().path_m);
   if (config_.enabled && frames_.back().path_m - searched_at_m_ >= config_.spacing_m) search();
-  if ((has_contradiction_ || unsolved_loops_ >= config_.solve_every) && may_solve()) solve();
+  const bool is_due = decisions_.has_contradiction() || decisions_.unsolved() >= config_.solve_every;
+  if (is_due && may_solve()) solve();
   use_measurements();
 }
 
@@ -235,30 +209,16 @@ void GlobalOptimizer::Implementation::solve() {
   // What the solver needed lies scattered between what stays.
   malloc_trim(0);
   solved_at_ = frames_.size();
-  unsolved_loops_ = 0;
-  has_contradiction_ = false;
-  judge(unjudged_);
-  unjudged_.clear();
-}
-
-/// What the graph makes of loops that it has.
-void GlobalOptimizer::Implementation::judge(const std::vector<GraphLoop>& loops) {
-  for (const GraphLoop& loop : loops) {
-    LoopCandidate& candidate = loops_[loop.candidate];
-    const bool is_followed = graph_.loop_weight(loop.in_graph) >= kMinLoopWeight;
-    candidate.verdict = is_followed ? LoopVerdict::kAccepted : LoopVerdict::kInconsistent;
-    if (is_followed) loop_at_m_ = std::max(loop_at_m_, frames_[candidate.measured.to].path_m);
-  }
+  decisions_.solved(frames_, graph_);
 }
 
 void GlobalOptimizer::Implementation::search() {
   searched_at_m_ = frames_.back().path_m;
-  expire_pending();
-  for (const LoopProposal& proposal : detector_.propose(poses_, drift_m())) {
-    loops_.push_back(examine(proposal));
-    decide(loops_.size() - 1);
-    const bool is_unjudged = !unjudged_.empty() && unjudged_.back().candidate + 1 == loops_.size();
-    if (is_unjudged || loops_.back().verdict == LoopVerdict::kAccepted) break;
+  decisions_.expire(frames_);
+  for (const LoopProposal& proposal : detector_.propose(poses_, decisions_.drift_m(searched_at_m_))) {
+    const LoopDecisions::Outcome outcome = decisions_.add(examine(proposal), frames_, chain_, &graph_);
+    if (outcome == LoopDecisions::Outcome::kContradicts && may_solve()) solve();
+    if (decisions_.is_newest_taken()) break;
   }
 }
 
@@ -282,11 +242,12 @@ std::vector<PlacedCloud> GlobalOptimizer::Implementation::submap(std::size_t cen
 LoopCandidate GlobalOptimizer::Implementation::examine(const LoopProposal& proposal) {
   const std::size_t to = frames_.size() - 1;
   const Eigen::Isometry3d T_predicted = poses_[proposal.from].inverse() * poses_[to];
+  const LoopDecisions::PredictionSigma sigma = decisions_.prediction_sigma(frames_[to].path_m);
   RegistrationStart start;
   if (proposal.source == LoopSource::kDistance) {
     start.T_from_to = T_predicted;
-    start.sigma_translation_m = kBaseSigmaM + drift_m();
-    start.sigma_rotation_rad = kBaseSigmaRad + drift_rad();
+    start.sigma_translation_m = sigma.translation_m;
+    start.sigma_rotation_rad = sigma.rotation_rad;
   } else {
     start.T_from_to.linear() = rotation_between_places(frames_[proposal.from].T_odom_imu.linear(),
                                                        proposal.yaw_rad, frames_[to].T_odom_imu.linear());
@@ -303,81 +264,9 @@ LoopCandidate GlobalOptimizer::Implementation::examine(const LoopProposal& propo
   candidate.measured.from = proposal.from;
   candidate.measured.to = to;
   const Vector6d error = difference(T_predicted, candidate.measured.T_from_to);
-  const Matrix6d covariance =
-      candidate.covariance + isotropic(kBaseSigmaRad + drift_rad(), kBaseSigmaM + drift_m());
+  const Matrix6d covariance = candidate.covariance + isotropic(sigma.rotation_rad, sigma.translation_m);
   candidate.chi_square = error.dot(covariance.ldlt().solve(error));
   return candidate;
-}
-
-/// What the registration did not reject is accepted at once while the prediction is good, else when a second
-/// loop agrees.
-void GlobalOptimizer::Implementation::decide(std::size_t index) {
-  LoopCandidate& candidate = loops_[index];
-  if (candidate.verdict != LoopVerdict::kPending) return;
-  if (candidate.chi_square > config_.max_chi_square) {
-    candidate.verdict = LoopVerdict::kFarFromPrediction;
-    return;
-  }
-  std::vector<std::size_t> accepted = {index};
-  if (drift_m() > config_.confirm_above_m) {
-    const auto agreeing = std::find_if(pending_.begin(), pending_.end(),
-                                       [&](std::size_t other) { return agree(loops_[other], candidate); });
-    if (agreeing == pending_.end()) {
-      pending_.push_back(index);
-      return;
-    }
-    accepted.push_back(*agreeing);
-    pending_.erase(agreeing);
-  }
-  accept(accepted);
-}
-
-/// Puts loops into the graph. Those that it does not follow contradict the others. A graph that agrees with
-/// them already waits for more: on a way that is driven again and again nearly every loop says what is known.
-void GlobalOptimizer::Implementation::accept(const std::vector<std::size_t>& indices) {
-  bool agrees = true;
-  std::vector<GraphLoop> added;
-  for (const std::size_t index : indices) {
-    const RelativePose& measured = loops_[index].measured;
-    agrees = agrees && graph_.squared_error(measured) <= kAgreeingSq;
-    added.push_back({index, graph_.add_loop(measured)});
-  }
-  unsolved_loops_ += static_cast<int>(indices.size());
-  if (agrees) {
-    judge(added);
-    return;
-  }
-  has_contradiction_ = true;
-  unjudged_.insert(unjudged_.end(), added.begin(), added.end());
-  if (may_solve()) solve();
-}
-
-/// Whether going round a_from -> a_to -> b_to -> b_from -> a_from leads back, given the odometry's drift
-/// between the two.
-bool GlobalOptimizer::Implementation::agree(const LoopCandidate& a, const LoopCandidate& b) const {
-  const auto odometry = [this](std::size_t from, std::size_t to) {
-    return chain_[from].inverse() * chain_[to];
-  };
-  const Eigen::Isometry3d T_expected = odometry(a.measured.from, b.measured.from).inverse() *
-                                       a.measured.T_from_to * odometry(a.measured.to, b.measured.to);
-  const double way_m = std::abs(frames_[a.measured.from].path_m - frames_[b.measured.from].path_m) +
-                       std::abs(frames_[a.measured.to].path_m - frames_[b.measured.to].path_m);
-  if (way_m > 2.0 * kConfirmationPathM) return false;
-  const Matrix6d covariance = a.covariance + b.covariance +
-                              isotropic(kBaseSigmaRad + config_.drift_rotation_deg_per_m * kDegree * way_m,
-                                        kBaseSigmaM + config_.drift_share * way_m);
-  const Vector6d error = difference(T_expected, b.measured.T_from_to);
-  return error.dot(covariance.ldlt().solve(error)) <= config_.max_chi_square;
-}
-
-void GlobalOptimizer::Implementation::expire_pending() {
-  const auto is_late = [this](std::size_t index) {
-    return frames_.back().path_m - frames_[loops_[index].measured.to].path_m > kConfirmationPathM;
-  };
-  for (const std::size_t index : pending_) {
-    if (is_late(index)) loops_[index].verdict = LoopVerdict::kUnconfirmed;
-  }
-  pending_.erase(std::remove_if(pending_.begin(), pending_.end(), is_late), pending_.end());
 }
 
 Eigen::Isometry3d GlobalOptimizer::Implementation::correct(Stamp stamp,
@@ -399,7 +288,7 @@ void GlobalOptimizer::add(Keyframe keyframe) { implementation_->add(std::move(ke
 void GlobalOptimizer::add_fix(const GnssFix& fix) { implementation_->measurements_.add_fix(fix); }
 void GlobalOptimizer::add_external(const ExternalPose& pose) { implementation_->add_external(pose); }
 void GlobalOptimizer::optimise() {
-  if (implementation_->measurements_.unsolved() + implementation_->unsolved_loops_ > 0)
+  if (implementation_->measurements_.unsolved() + implementation_->decisions_.unsolved() > 0)
     implementation_->solve();
 }
 
@@ -436,7 +325,9 @@ Eigen::Isometry3d GlobalOptimizer::correct(Stamp stamp, const Eigen::Isometry3d&
   return implementation_->correct(stamp, T_odom_imu);
 }
 
-const std::vector<LoopCandidate>& GlobalOptimizer::loops() const { return implementation_->loops_; }
+const std::vector<LoopCandidate>& GlobalOptimizer::loops() const {
+  return implementation_->decisions_.loops();
+}
 std::size_t GlobalOptimizer::size() const { return implementation_->frames_.size(); }
 Stamp GlobalOptimizer::stamp(std::size_t keyframe) const {
   return implementation_->frames_.at(keyframe).stamp;

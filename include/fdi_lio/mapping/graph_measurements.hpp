@@ -11,17 +11,10 @@
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/mapping/external_odometry.hpp"
 #include "fdi_lio/mapping/gnss_aligner.hpp"
+#include "fdi_lio/mapping/odometry_frame.hpp"
 #include "fdi_lio/mapping/pose_graph.hpp"
 
 namespace fdi_lio::mapping {
-
-/// What the odometry said of a keyframe.
-struct OdometryFrame {
-  Stamp stamp = 0;
-  Eigen::Isometry3d T_odom_imu = Eigen::Isometry3d::Identity();
-  double path_m = 0.0;          ///< way since the first
-  bool begins_session = false;  ///< no way leads here from the one before
-};
 
 /// What became of one GNSS fix.
 struct FixResult {
