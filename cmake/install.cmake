@@ -6,7 +6,7 @@ install(
   RUNTIME DESTINATION ${CATKIN_GLOBAL_BIN_DESTINATION}
 )
 install(
-  TARGETS benchmark_pose_graph check_bag degeneracy_estimation evaluate_moving_points feature_extraction
+  TARGETS benchmark_pose_graph check_bag degeneracy_estimation evaluate_moving_points evaluate_registration feature_extraction
           imu_preintegration mapping_optimization offline_slam optimise_session
           parameter_table scan_deskew simulate_bag
   RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION}
