@@ -36,9 +36,9 @@ constexpr double kSessionDriftM = 1.0;
 /// The descriptor's place may be so far from the keyframe's.
 constexpr double kDescriptorSigmaM = 3.0;
 constexpr double kDescriptorSigmaRad = 4.0 * kDegree;
-/// What a keyframe takes besides its cloud: 5 KB of descriptor, and in the graph, with its share of what the
-/// solver needs, 9 KB with few loops (`benchmark_pose_graph`) and four times as much where most ways are
-/// driven again (measured over 30 minutes of it, as what all else grows by).
+/// What a keyframe takes besides its cloud: 5 KB of descriptor, and the graph with what its solver needs,
+/// which is 9 KB with few loops (`benchmark_pose_graph`) and up to 35 KB on streets that are driven again and
+/// again.
 constexpr std::size_t kBytesOfKeyframe = 40 << 10;
 /// The least share of the memory that is left to the clouds.
 constexpr std::size_t kLeastShare = 10;
