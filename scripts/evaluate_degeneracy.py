@@ -5,7 +5,8 @@ Takes output folders of offline_slam and the files that simulate_bag wrote besid
 classes STEM.yaml and STEM.labels) and evaluate_registration (STEM.registration.csv); a run belongs to the STEM with
 which its name begins. Prints, for each run and over all scans of all runs, Spearman's rank correlation of the FDI with
 the registration error of the scan and with the drift over a second about it, the share of scans with the right class,
-and changes of the class beyond the true ones per 100 scans. docs/degeneracy.md defines errors and true class.
+changes of the class beyond the true ones per 100 scans, and in how many of the scans whose surfaces leave a direction
+open it is named. docs/degeneracy.md defines errors, true class and open scans.
 
     scripts/evaluate_degeneracy.py out/runs/* --truth out/bags
 """

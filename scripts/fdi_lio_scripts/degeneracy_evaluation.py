@@ -1,16 +1,19 @@
-"""Whether the FDI and the class of the surroundings are right: rank correlation, share of right classes, flickers."""
+"""Whether FDI, class and weak directions are right: rank correlation, right classes, flickers, directions named."""
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Dict, List, Optional, Sequence
 
 import numpy as np
 
 from .degeneracy_csv import Degeneracy, read_degeneracy
-from .degeneracy_truth import CLASSES, drifts_m, read_recording, read_registration_errors_m, true_classes
+from .degeneracy_truth import (
+    CLASSES, drifts_m, no_registration_errors, read_recording, read_registration_errors, true_classes
+)
 from .errors import UserError
 from .trajectory_io import read_trajectory
+from .weak_directions import WeakDirections, judge_directions, read_weak_translations
 
 SUB_FACTORS = ("structural", "sparse", "dynamic")
 PARTS = (*SUB_FACTORS, "position_sigma")  # what the FDI is made of
@@ -27,6 +30,7 @@ class JudgedRun:
     registration_m: np.ndarray
     drift_m: np.ndarray
     true_class: List[str]
+    directions: WeakDirections
 
 
 def ranks(values: np.ndarray) -> np.ndarray:
@@ -74,10 +78,14 @@ def judge_run(run: Path, truth_folder: Optional[Path]) -> JudgedRun:
             raise UserError(f"{run}/degeneracy.csv: has no column 'points': run offline_slam again")
         classes = true_classes(recording, truth, table.stamps, table.others["points"])
     errors = Path(f"{stem}.registration.csv")
-    registration = (
-        read_registration_errors_m(errors, table.stamps) if errors.is_file() else np.full(len(table.stamps), np.nan)
-    )
-    return JudgedRun(run.name, table, registration, drifts_m(odometry, truth), classes)
+    count = len(table.stamps)
+    if errors.is_file():
+        registration = read_registration_errors(errors, table.stamps)
+        translations = read_weak_translations(run / "directions.csv", count)
+    else:
+        registration, translations = no_registration_errors(count), np.full((count, 6, 3), np.nan)
+    directions = judge_directions(translations, registration)
+    return JudgedRun(run.name, table, registration.error_m, drifts_m(odometry, truth), classes, directions)
 
 
 def truth_stem(run: Path, truth_folder: Optional[Path]) -> Path:
@@ -105,6 +113,11 @@ def figures(run: JudgedRun) -> Dict[str, object]:
         for part in PARTS:
             if part in run.table.others:
                 row[f"spearman_{name}_{part}"] = spearman(run.table.others[part], error_m)
+    directions = run.directions
+    row["open_scans"] = int(directions.is_open.sum())
+    row["closed_scans"] = int(directions.is_closed.sum())
+    row["named"] = _share(directions.is_named, directions.is_open)
+    row["false_alarms"] = _share(directions.is_alarmed, directions.is_closed)
     if run.true_class:
         right = [a == b for a, b in zip(run.table.classes, run.true_class)]
         row["right"] = float(np.mean(right))
@@ -112,6 +125,11 @@ def figures(run: JudgedRun) -> Dict[str, object]:
         row["true_class"] = _shares(run.true_class)
         row["class"] = _shares(run.table.classes)
     return row
+
+
+def _share(part: np.ndarray, whole: np.ndarray) -> float:
+    """NaN of nothing."""
+    return float(part.sum() / whole.sum()) if whole.any() else float("nan")
 
 
 def _median(values: np.ndarray) -> float:
@@ -142,6 +160,9 @@ def summary(runs: Sequence[JudgedRun]) -> Dict[str, object]:
         np.concatenate([run.registration_m for run in runs]),
         np.concatenate([run.drift_m for run in runs]),
         [],
+        WeakDirections(
+            *(np.concatenate([getattr(run.directions, field.name) for run in runs]) for field in fields(WeakDirections))
+        ),
     )
     row = figures(joined)
     judged = [run for run in runs if run.true_class]
@@ -156,6 +177,10 @@ def summary(runs: Sequence[JudgedRun]) -> Dict[str, object]:
             for name in CLASSES if name in truths
         }
     return row
+
+
+def _percent(share: float) -> str:
+    return "     " if np.isnan(share) else f"{100 * share:3.0f} %"
 
 
 def text_table(rows: Sequence[Dict[str, object]]) -> str:
@@ -182,4 +207,16 @@ def text_table(rows: Sequence[Dict[str, object]]) -> str:
             )
     for name, share in dict(whole.get("right_by_class", {})).items():
         lines.append(f"right where {name} is true: {100 * share:.0f} %")
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines + _direction_lines(rows, width)) + "\n"
+
+
+def _direction_lines(rows: Sequence[Dict[str, object]], width: int) -> List[str]:
+    """Of the runs whose registration errors were measured."""
+    lines = [f"{'weak directions':{width}}  open scans  named  closed scans  false alarms"]
+    for row in rows:
+        if row["open_scans"] or row["closed_scans"]:
+            lines.append(
+                f"{row['run']:{width}}  {row['open_scans']:10d}  {_percent(row['named'])}  "
+                f"{row['closed_scans']:12d}  {_percent(row['false_alarms'])}"
+            )
+    return lines if len(lines) > 1 else []

@@ -59,25 +59,43 @@ def drifts_m(odometry: Trajectory, truth: Trajectory) -> np.ndarray:
     return errors
 
 
-def read_registration_errors_m(path: Path, stamps: np.ndarray) -> np.ndarray:
-    """e_k of the scans with these stamps [s]; NaN for those that evaluate_registration left out.
+@dataclass(frozen=True)
+class RegistrationErrors:
+    """Of N scans; NaN for those that evaluate_registration left out."""
 
-    Its stamps are of the true clock of the lidar, so that they differ by the error of the clock.
+    error_m: np.ndarray
+    geometric_m: np.ndarray  # without intensity features
+    axis: np.ndarray  # N x 3, IMU frame, along which `geometric_m` lies
+
+
+def no_registration_errors(count: int) -> RegistrationErrors:
+    """Of so many scans that nobody measured."""
+    return RegistrationErrors(np.full(count, np.nan), np.full(count, np.nan), np.full((count, 3), np.nan))
+
+
+def read_registration_errors(path: Path, stamps: np.ndarray) -> RegistrationErrors:
+    """Of the scans with these stamps [s].
+
+    The stamps of the file are of the true clock of the lidar, so that they differ by the error of the clock.
     """
-    errors = np.full(len(stamps), np.nan)
+    errors = no_registration_errors(len(stamps))
     try:
         rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
     except ValueError as error:
         raise UserError(f"{path}: is no file of evaluate_registration ({error}): write it again") from None
     if len(rows) == 0:
         return errors
-    if rows.shape[1] != 2:
-        raise UserError(f"{path}: has {rows.shape[1]} columns instead of stamp,error: write it again")
+    if rows.shape[1] != 6:
+        raise UserError(
+            f"{path}: has {rows.shape[1]} columns instead of stamp,error,geometric_error,x,y,z: write it again"
+        )
     nearest = np.abs(stamps[:, None] - rows[:, 0]).argmin(axis=0)
     apart_s = np.abs(stamps[nearest] - rows[:, 0])
     if apart_s.max() > LARGEST_CLOCK_ERROR_S:
         raise UserError(f"{path}: has scans that the run has not: are both of the same recording?")
-    errors[nearest] = rows[:, 1]
+    errors.error_m[nearest] = rows[:, 1]
+    errors.geometric_m[nearest] = rows[:, 2]
+    errors.axis[nearest] = rows[:, 3:]
     return errors
 
 

@@ -203,7 +203,8 @@ void MappingConfig::visit(ParameterVisitor& v) {
   v.flag({"mapping.judge_patches", "",
           "trust patches of planes less that contradict the predicted pose: traffic"},
          judge_patches);
-  v.flag({"mapping.soften_weak_directions", "", "let the motion prior take over in weak directions"},
+  v.flag({"mapping.soften_weak_directions", "",
+          "leave weak directions to the IMU in scans without intensity features"},
          soften_weak_directions);
   v.real({"mapping.localizability_margin", "",
           "factor on the information that noise alone gives, which a direction must exceed to count as "

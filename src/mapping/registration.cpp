@@ -16,7 +16,8 @@ constexpr double kStartMaxResidual = 1.0;
 Registration::Registration(const Config& config, Reporter* reporter)
     : config_(config.mapping), reporter_(reporter), matcher_(config) {}
 
-/// Directions that geometry leaves open are filled by textures, and what still is open is left to the IMU.
+/// Directions that geometry leaves open are filled by textures. Without textures the chance information along
+/// them, which is none, would be all that corrects the IMU: it is left alone there.
 void Registration::add_directions(const MatchInput& input, const LocalMap& map, const imu::NavState& at,
                                   const MatchSettings& settings, Alignment* alignment) const {
   const double margin = config_.localizability_margin;
@@ -32,8 +33,9 @@ void Registration::add_directions(const MatchInput& input, const LocalMap& map, 
         matcher_.linearise_textures(input, map.textures(), at.q_odom_imu, at.t_odom_imu, settings);
     remove_bias(analyse_localizability(textures, margin), &textures);
     add_in_weak_directions(geometric, textures, information);
+  } else if (config_.soften_weak_directions && at.imu_status == imu::ImuStatus::kInitialised) {
+    soften(geometric, information);
   }
-  if (config_.soften_weak_directions) soften(analyse_localizability(*information, margin), information);
 }
 
 bool Registration::has_converged(const imu::NavState& before, const imu::NavState& after) const {

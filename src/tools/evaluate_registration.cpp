@@ -11,6 +11,7 @@
 
 #include "bag_options.hpp"
 #include "bag_source.hpp"
+#include <Eigen/Eigenvalues>
 #include <tbb/global_control.h>
 #include <yaml-cpp/yaml.h>
 
@@ -35,8 +36,9 @@ const char* const kUsage =
     "                             [--start S] [--duration S]\n"
     "Measures what the registration of a scan is worth by itself, on a recording of simulate_bag: the\n"
     "local map holds the earlier scans at their true poses, every fifth scan is put beside its own and\n"
-    "registered. No IMU and no other scan helps it. Reads FILE.tum (truth) and FILE.yaml (mounting and\n"
-    "clocks are the true ones). Writes lines stamp,error [s, m].\n"
+    "registered, with and without its intensity features. No IMU and no other scan helps it. Reads\n"
+    "FILE.tum (truth) and FILE.yaml (mounting and clocks are the true ones). Writes stamp [s], error and\n"
+    "geometric_error [m], and the axis x,y,z (IMU frame) that the errors without intensity lie along.\n"
     "Exit code: 0 done, 2 not possible as asked (the message says why).\n";
 
 /// Neighbours see the same.
@@ -101,6 +103,8 @@ fdi_lio::Config with_true_calibration(fdi_lio::Config config, const std::string&
     throw Error("cannot read the true calibration from " + path + " (" + error.what() +
                 "): simulate_bag writes it beside its recording");
   }
+  // Nothing but a start is there to take over.
+  config.mapping.soften_weak_directions = false;
   config.mapping.estimate_mounting = false;
   config.mapping.estimate_time_offset = false;
   return config;
@@ -117,18 +121,13 @@ class Evaluation {
         path_(path),
         out_(path) {
     if (!out_) throw Error("cannot write " + path);
-    out_ << "stamp,error\n";
+    out_ << "stamp,error,geometric_error,x,y,z\n";
   }
 
   void add(const fdi_lio::pipeline::ScanOutput& output) {
     const auto T_map_imu = truth_.at(output.scan.stamp);
     if (!T_map_imu) return;
-    if (++scans_ % kScansBetween == 0 && !map_.empty()) {
-      char line[64];
-      std::snprintf(line, sizeof(line), "%.9f,%.6f\n", fdi_lio::to_seconds(output.scan.stamp),
-                    error_of(output, *T_map_imu));
-      out_ << line;
-    }
+    if (++scans_ % kScansBetween == 0 && !map_.empty()) write(output, *T_map_imu);
     map_.insert(output.features, *T_map_imu, T_imu_lidar_);
   }
 
@@ -138,18 +137,34 @@ class Evaluation {
   }
 
  private:
-  /// Root mean square over three starts, each beside the truth along another axis, so that it does not
-  /// matter how a weak direction lies to them.
-  double error_of(const fdi_lio::pipeline::ScanOutput& output, const Eigen::Isometry3d& T_map_imu) const {
+  void write(const fdi_lio::pipeline::ScanOutput& output, const Eigen::Isometry3d& T_map_imu) {
     const auto adapted = fdi_lio::mapping::adapt(config_.adaptation, config_.mapping, output.degeneracy);
-    const auto input = fdi_lio::mapping::make_match_input(output.features, config_.mapping, T_imu_lidar_,
-                                                          adapted.feature_voxel_m);
-    double sum = 0.0;
+    auto input = fdi_lio::mapping::make_match_input(output.features, config_.mapping, T_imu_lidar_,
+                                                    adapted.feature_voxel_m);
+    const Eigen::Matrix3d errors = square_errors(output.scan.stamp, input, adapted, T_map_imu);
+    input.textures.clear();
+    input.levels.clear();
+    const Eigen::Matrix3d geometric = square_errors(output.scan.stamp, input, adapted, T_map_imu);
+    const Eigen::Vector3d axis =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(geometric).eigenvectors().col(2);
+    char line[128];
+    std::snprintf(line, sizeof(line), "%.9f,%.6f,%.6f,%.6f,%.6f,%.6f\n",
+                  fdi_lio::to_seconds(output.scan.stamp), std::sqrt(errors.trace()),
+                  std::sqrt(geometric.trace()), axis.x(), axis.y(), axis.z());
+    out_ << line;
+  }
+
+  /// Mean of e e' over three starts, each beside the truth along another axis, so that it does not matter how
+  /// a weak direction lies to them; e is what is left of it, in the IMU frame [m^2].
+  Eigen::Matrix3d square_errors(fdi_lio::Stamp stamp, const fdi_lio::mapping::MatchInput& input,
+                                const fdi_lio::mapping::AdaptedSettings& adapted,
+                                const Eigen::Isometry3d& T_map_imu) const {
+    const Eigen::Quaterniond q(T_map_imu.linear());
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
     for (int axis = 0; axis < 3; ++axis) {
       fdi_lio::imu::NavState start;
-      start.stamp = output.scan.stamp;
+      start.stamp = stamp;
       start.imu_status = fdi_lio::imu::ImuStatus::kInitialised;
-      const Eigen::Quaterniond q(T_map_imu.linear());
       start.q_odom_imu = q * fdi_lio::so3::exp(Eigen::Vector3d(kTurnRad * Eigen::Vector3d::Unit(axis)));
       start.t_odom_imu = T_map_imu.translation() + q * (kShiftM * Eigen::Vector3d::Unit(axis));
       fdi_lio::mapping::Smoother smoother(1, config_.sensor.gravity_mps2, {}, 0.0);
@@ -158,9 +173,10 @@ class Evaluation {
       sigma.position = kShiftM;
       smoother.start(start, sigma);
       registration_.align(input, map_, adapted, 0, true, std::nullopt, &smoother);
-      sum += (smoother.newest().t_odom_imu - T_map_imu.translation()).squaredNorm();
+      const Eigen::Vector3d e = q.conjugate() * (smoother.newest().t_odom_imu - T_map_imu.translation());
+      sum += e * e.transpose();
     }
-    return std::sqrt(sum / 3.0);
+    return sum / 3.0;
   }
 
   fdi_lio::Config config_;

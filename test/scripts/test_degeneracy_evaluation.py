@@ -10,9 +10,10 @@ from trajectories import line, write_tum
 
 from fdi_lio_scripts.degeneracy_evaluation import class_changes, flickers, ranks, spearman
 from fdi_lio_scripts.degeneracy_truth import (
-    Recording, drifts_m, moving_shares, read_labels, read_registration_errors_m, true_classes
+    Recording, drifts_m, moving_shares, no_registration_errors, read_labels, read_registration_errors, true_classes
 )
 from fdi_lio_scripts.errors import UserError
+from fdi_lio_scripts.weak_directions import judge_directions, read_weak_translations
 
 
 def test_ranks_share_the_mean_of_equal_values():
@@ -63,20 +64,74 @@ def test_a_gap_in_the_odometry_has_no_drift():
     assert np.isfinite(errors[10:34]).all()
 
 
+REGISTRATION_HEADER = "stamp,error,geometric_error,x,y,z"
+
+
 def test_registration_errors_find_their_scans_in_spite_of_the_clock(tmp_path):
     path = tmp_path / "a.registration.csv"
-    path.write_text("stamp,error\n10.203,0.5\n10.397,0.25\n")
-    errors = read_registration_errors_m(path, 10.0 + 0.1 * np.arange(6))
-    np.testing.assert_array_equal(errors, [np.nan, np.nan, 0.5, np.nan, 0.25, np.nan])
+    path.write_text(f"{REGISTRATION_HEADER}\n10.203,0.5,0.6,1,0,0\n10.397,0.25,0.3,0,0,1\n")
+    errors = read_registration_errors(path, 10.0 + 0.1 * np.arange(6))
+    np.testing.assert_array_equal(errors.error_m, [np.nan, np.nan, 0.5, np.nan, 0.25, np.nan])
+    np.testing.assert_array_equal(errors.geometric_m, [np.nan, np.nan, 0.6, np.nan, 0.3, np.nan])
+    np.testing.assert_array_equal(errors.axis[[2, 4]], [[1, 0, 0], [0, 0, 1]])
 
 
-@pytest.mark.parametrize("text, said", [("stamp,error\n11.0,0.5\n", "same recording"), ("stamp,error\nx,0.5\n", "again"),
-                                        ("stamp,error\n10.1,0.5,3\n", "3 columns")])
-def test_registration_errors_of_another_recording_are_refused(tmp_path, text, said):
+@pytest.mark.parametrize("line, said", [("11.0,0.5,0.5,1,0,0", "same recording"), ("x,0.5,0.5,1,0,0", "again"),
+                                        ("10.1,0.5", "2 columns")])
+def test_registration_errors_of_another_recording_are_refused(tmp_path, line, said):
     path = tmp_path / "a.registration.csv"
-    path.write_text(text)
+    path.write_text(f"{REGISTRATION_HEADER}\n{line}\n")
     with pytest.raises(UserError, match=said):
-        read_registration_errors_m(path, 10.0 + 0.1 * np.arange(6))
+        read_registration_errors(path, 10.0 + 0.1 * np.arange(6))
+
+
+def turned(degrees):
+    """Translation in the plane, that many degrees from x."""
+    return [0, 0, 0, np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0]
+
+
+def write_directions(path, scans):
+    """directions.csv; each of `scans` is the probability and the direction of one axis, others are observed."""
+    lines = ["stamp,axis,probability,information,noise,rx,ry,rz,tx,ty,tz"]
+    for k, (probability, direction) in enumerate(scans):
+        for axis in range(6):
+            unit = direction if axis == 5 else np.eye(6)[axis]
+            values = [probability if axis == 5 else 1, 1, 1, *unit]
+            lines.append(f"{10 + 0.1 * k:.9f},{axis}," + ",".join(f"{value:.6f}" for value in values))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_a_direction_is_named_within_ten_degrees_of_the_error(tmp_path):
+    along_x = [1.0, 0.0, 0.0]
+    scans = [
+        (0.4, turned(9), 0.06),  # open, named
+        (0.4, turned(171), 0.06),  # an axis has no sign
+        (0.4, turned(11), 0.06),  # another direction
+        (0.6, turned(0), 0.06),  # counts as observed
+        (0.4, [0.8, 0, 0, 0.6, 0, 0], 0.06),  # a rotation for the greater part
+        (0.4, turned(0), 0.03),  # neither open nor closed
+        (0.4, turned(45), 0.01),  # false alarm
+        (0.6, turned(0), 0.01),  # closed, and said so
+        (0.4, turned(0), np.nan),  # nobody knows
+    ]
+    write_directions(tmp_path / "directions.csv", [scan[:2] for scan in scans])
+    translations = read_weak_translations(tmp_path / "directions.csv", len(scans))
+    errors = no_registration_errors(len(scans))
+    errors.geometric_m[:] = [scan[2] for scan in scans]
+    errors.axis[:] = along_x
+    verdict = judge_directions(translations, errors)
+    assert verdict.is_open.tolist() == 5 * [True] + 4 * [False]
+    assert verdict.is_named.tolist() == [True, True] + 7 * [False]
+    assert verdict.is_closed.tolist() == 6 * [False] + [True, True, False]
+    assert verdict.is_alarmed.tolist() == 6 * [False] + [True, False, False]
+
+
+def test_directions_of_another_run_are_refused(tmp_path):
+    write_directions(tmp_path / "directions.csv", [(0.4, turned(0))])
+    with pytest.raises(UserError, match="run offline_slam again"):
+        read_weak_translations(tmp_path / "directions.csv", 2)
+    with pytest.raises(UserError, match="no such file"):
+        read_weak_translations(tmp_path / "other.csv", 2)
 
 
 def write_labels(path, headers_ns, moving, total=10):
@@ -170,15 +225,20 @@ def test_script_judges_the_class_of_a_simulated_recording(run_script, tmp_path):
     assert whole["flickers_per_100"] == pytest.approx(200 / 121)
 
 
-def test_script_prints_the_correlation_with_the_registration_error(run_script, tmp_path):
+def test_script_judges_by_the_registration_error(run_script, tmp_path):
     run, truth = write_judged_run(tmp_path, lambda x: x / 60)
-    rows = [f"{stamp + 0.002:.9f},{0.01 * (k + 1):.6f}" for k, stamp in enumerate(truth.stamps[5::5])]
-    (tmp_path / "street_1.registration.csv").write_text("\n".join(["stamp,error", *rows]) + "\n")
+    measured = truth.stamps[5::5]
+    rows = [f"{stamp + 0.002:.9f},{0.01 * (k + 1):.6f},0.06,1,0,0" for k, stamp in enumerate(measured)]
+    (tmp_path / "street_1.registration.csv").write_text("\n".join([REGISTRATION_HEADER, *rows]) + "\n")
+    write_directions(run / "directions.csv", [(0.4 if k < 61 else 0.6, turned(5)) for k in range(len(truth.stamps))])
     done = run_script("evaluate_degeneracy.py", run, "--json", tmp_path / "out.json")
     assert done.returncode == 0, done.stderr
     whole = json.loads((tmp_path / "out.json").read_text())[-1]
     assert whole["spearman_registration"] == pytest.approx(1.0)
     assert whole["registration_m"] == pytest.approx(0.01 * (len(rows) + 1) / 2)
+    assert whole["open_scans"] == len(rows)
+    assert whole["named"] == pytest.approx(12 / 24)
+    assert "24   50 %             0" in done.stdout
 
 
 def test_missing_truth_is_named(run_script, tmp_path):

@@ -131,7 +131,7 @@ struct MappingConfig {
   double intensity_weight = 0.2;
   double intensity_voxel_m = 0.2;
   bool judge_patches = true;
-  bool soften_weak_directions = false;
+  bool soften_weak_directions = true;
   double localizability_margin = 1.0;
   double covariance_factor = 3.0;
   double drift_share = 1.0;
