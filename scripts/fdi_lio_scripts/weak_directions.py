@@ -2,8 +2,8 @@
 
 Open: of starts beside the true pose more than OPEN_M is left when the scan is registered by its surfaces alone
 (evaluate_registration); the axis that this error lies along is the one to be named. Closed: less than CLOSED_M is left.
-Named: a direction of translation with a localizability below WEAK lies within NAMED_DEG of that axis. False alarm: there is
-one with such a localizability in a closed scan.
+Named: a direction of translation with a localizability below WEAK lies within NAMED_DEG of that axis. False alarm: there
+is one with such a localizability in a closed scan.
 """
 
 from dataclasses import dataclass

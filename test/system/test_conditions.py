@@ -31,7 +31,8 @@ class Conditions(unittest.TestCase):
         stem = self.path / scenario
         chosen = [word for setting in ("lidar.model=vlp16", *settings) for word in ("--set", setting)]
         subprocess.run([BIN / "simulate_bag", "--scenario", SOURCE / f"config/scenarios/{scenario}.yaml", "--seed",
-                        str(seed), "--output", f"{stem}.bag", "--duration", str(duration_s), *chosen], check=True, capture_output=True)
+                        str(seed), "--output", f"{stem}.bag", "--duration", str(duration_s), *chosen], check=True,
+                       capture_output=True)
         if change:
             self.rewrite(pathlib.Path(f"{stem}.bag"), change)
         done = subprocess.run([BIN / "offline_slam", "--config", f"{stem}.config.yaml", "--bag", f"{stem}.bag", "--output",
