@@ -23,7 +23,7 @@ AXES = 6
 
 @dataclass(frozen=True)
 class WeakDirections:
-    """Verdict on each scan, N booleans each; `named` counts where `is_open`, `is_alarmed` where `is_closed`."""
+    """Verdict on each scan, N booleans each; `is_named` only where `is_open`, `is_alarmed` only where `is_closed`."""
 
     is_open: np.ndarray
     is_named: np.ndarray
