@@ -15,6 +15,7 @@ namespace {
 /// What the points of one ring are good for.
 struct RingScratch {
   std::vector<float> range;
+  std::vector<Eigen::Vector3f> smoothed;  ///< mean of the window about each usable point
   std::vector<float> curvature;
   std::vector<float> texture;  ///< intensity gradient over that of the scan, [0, 1]; empty without intensity
   std::vector<float> score;    ///< composite
@@ -72,6 +73,7 @@ FDI_LIO_WIDE_VECTORS std::vector<std::uint32_t> window_sizes(const Ring& ring, c
 FDI_LIO_WIDE_VECTORS void compute_curvature(const Ring& ring, const FeatureConfig& config,
                                             float range_noise_m, RingScratch* scratch) {
   scratch->range.resize(ring.size);
+  scratch->smoothed.resize(ring.size);
   scratch->curvature.assign(ring.size, 0.0F);
   scratch->usable.assign(ring.size, 0);
   for (std::uint32_t i = 0; i < ring.size; ++i) scratch->range[i] = ring.points[i].position.norm();
@@ -85,6 +87,7 @@ FDI_LIO_WIDE_VECTORS void compute_curvature(const Ring& ring, const FeatureConfi
     const Eigen::Vector3f& p = ring.points[i].position;
     const auto count = static_cast<float>(2 * n);
     const Eigen::Vector3f window = (prefix[i + n + 1] - prefix[i - n]).cast<float>();
+    scratch->smoothed[i] = window / (count + 1.0F);
     const float deviation = (window - (count + 1.0F) * p).norm();
     const float spread =
         0.5F * static_cast<float>(n + 1) *
@@ -193,6 +196,10 @@ void select_edges(const Ring& ring, const RingScratch& scratch, const FeatureCon
   }
 }
 
+/// Flat points at least `plane_spacing` apart. The distance is that of the windows' means: of the points
+/// themselves, whose noise along a wall that the beam grazes is larger than their spacing, the next one far
+/// enough would be one that noise took there. That is too near where the ring comes towards the sensor and
+/// too far where it leaves, and turns each scan against the rotor.
 void select_planes(const Ring& ring, const RingScratch& scratch, const FeatureConfig& config,
                    std::uint32_t quota, std::uint32_t begin, std::uint32_t end, RingFeatures* out) {
   const auto threshold = static_cast<float>(config.plane_max_curvature);
@@ -200,8 +207,7 @@ void select_planes(const Ring& ring, const RingScratch& scratch, const FeatureCo
   std::vector<std::uint32_t> taken;
   for (std::uint32_t i = begin; i < end; ++i) {
     if (scratch.usable[i] == 0 || scratch.curvature[i] > threshold) continue;
-    if (!taken.empty() &&
-        (ring.points[i].position - ring.points[taken.back()].position).squaredNorm() < spacing_sq) {
+    if (!taken.empty() && (scratch.smoothed[i] - scratch.smoothed[taken.back()]).squaredNorm() < spacing_sq) {
       continue;
     }
     taken.push_back(i);

@@ -9,9 +9,11 @@ namespace fdi_lio::mapping {
 
 namespace {
 
-/// The first point of each voxel, in the order of the input.
+/// The mean of the points in each voxel, in the order of their first ones. Which point comes first into a
+/// voxel depends on its noise (see `select_planes`), so that none of them may stand for all.
 std::vector<Eigen::Vector3d> downsample(const std::vector<Eigen::Vector3d>& points, double voxel_m) {
-  std::vector<Eigen::Vector3d> kept;
+  std::vector<Eigen::Vector3d> means;
+  std::vector<std::uint32_t> counts;
   KeyIndex seen;
   for (const Eigen::Vector3d& point : points) {
     std::uint64_t key = 0;
@@ -19,9 +21,15 @@ std::vector<Eigen::Vector3d> downsample(const std::vector<Eigen::Vector3d>& poin
       const auto cell = static_cast<std::int64_t>(std::floor(point[axis] / voxel_m));
       key = (key << 21) | (static_cast<std::uint64_t>(cell) & 0x1fffff);
     }
-    if (seen.find_or_add(key) == kept.size()) kept.push_back(point);
+    const std::uint32_t voxel = seen.find_or_add(key);
+    if (voxel == means.size()) {
+      means.emplace_back(Eigen::Vector3d::Zero());
+      counts.push_back(0);
+    }
+    ++counts[voxel];
+    means[voxel] += (point - means[voxel]) / counts[voxel];
   }
-  return kept;
+  return means;
 }
 
 std::vector<Eigen::Vector3d> to_body(const std::vector<Point>& points, const Eigen::Isometry3d& T_imu_lidar) {

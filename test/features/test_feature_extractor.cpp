@@ -1,4 +1,5 @@
 #include <cmath>
+#include <random>
 #include <set>
 
 #include <gtest/gtest.h>
@@ -71,6 +72,33 @@ TEST(FeatureExtractor, TheWallBesideAnOcclusionIsNoFeature) {
       EXPECT_FALSE(std::abs(azimuth - 0.2) < 0.02 + 4.0 * 2.0 * M_PI / 1800.0) << azimuth;
     }
   }
+}
+
+// Points of which each is the first far enough from the one before would lie 6 mm nearer than the wall on one
+// side, and as much farther on the other.
+TEST(FeatureExtractor, NoiseAlongTheBeamsDoesNotTurnAWall) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0.0, 0.02);
+  double sum[2] = {0.0, 0.0};
+  int count[2] = {0, 0};
+  for (int scan = 0; scan < 200; ++scan) {
+    DeskewedScan ring = square_room(5.0, false);
+    for (Point& point : ring.points) {
+      const double range = point.position.norm();
+      point.position *= static_cast<float>((range + noise(random)) / range);
+    }
+    for (const Point& plane : extract(ring).planes) {
+      if (std::abs(plane.position.x() - 5.0F) > 0.1F || std::abs(plane.position.y()) < 1.0F) continue;
+      const int side = plane.position.y() < 0.0F ? 0 : 1;
+      sum[side] += plane.position.x() - 5.0;
+      ++count[side];
+    }
+  }
+  ASSERT_GT(count[0], 1000);
+  ASSERT_GT(count[1], 1000);
+  const double turned = sum[0] / count[0] - sum[1] / count[1];
+  const double sigma = 0.02 * std::sqrt(1.0 / count[0] + 1.0 / count[1]);
+  EXPECT_LT(std::abs(turned), 4.0 * sigma) << turned;
 }
 
 TEST(FeatureExtractor, QuotasSpreadFeaturesOverTheSectors) {

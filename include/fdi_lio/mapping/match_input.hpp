@@ -20,7 +20,7 @@ struct MatchInput {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< of the lidar, in the body frame
 };
 
-/// Features of a scan (lidar frame) thinned out for the matcher: the first point of each voxel of
+/// Features of a scan (lidar frame) thinned out for the matcher: the mean of the points in each voxel of
 /// `feature_voxel_m` for planes, of half of it for edges, at most `mapping.max_planes_matched` planes, and
 /// all intensity features. Edges and textures stay empty when `config` switches them off.
 MatchInput make_match_input(const FeatureSet& features, const MappingConfig& config,
