@@ -55,7 +55,7 @@ std::vector<Point> noisy_wall() {
   return wall;
 }
 
-// The first point of each voxel lies 1.2 mm nearer than the wall on one side and as much farther on the
+// The first point of each voxel would lie 6 mm nearer than the wall on one side, and as much farther on the
 // other.
 TEST(MatchInput, NoiseAlongTheBeamsDoesNotTurnAWall) {
   FeatureSet set;
