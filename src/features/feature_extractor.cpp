@@ -15,7 +15,7 @@ namespace {
 /// What the points of one ring are good for.
 struct RingScratch {
   std::vector<float> range;
-  std::vector<Eigen::Vector3f> smoothed;  ///< mean of the window about each usable point
+  std::vector<double> way;  ///< length of the ring up to each point, along the means of their windows [m]
   std::vector<float> curvature;
   std::vector<float> texture;  ///< intensity gradient over that of the scan, [0, 1]; empty without intensity
   std::vector<float> score;    ///< composite
@@ -73,7 +73,7 @@ FDI_LIO_WIDE_VECTORS std::vector<std::uint32_t> window_sizes(const Ring& ring, c
 FDI_LIO_WIDE_VECTORS void compute_curvature(const Ring& ring, const FeatureConfig& config,
                                             float range_noise_m, RingScratch* scratch) {
   scratch->range.resize(ring.size);
-  scratch->smoothed.resize(ring.size);
+  scratch->way.assign(ring.size, 0.0);
   scratch->curvature.assign(ring.size, 0.0F);
   scratch->usable.assign(ring.size, 0);
   for (std::uint32_t i = 0; i < ring.size; ++i) scratch->range[i] = ring.points[i].position.norm();
@@ -81,13 +81,18 @@ FDI_LIO_WIDE_VECTORS void compute_curvature(const Ring& ring, const FeatureConfi
   std::vector<Eigen::Vector3d> prefix(ring.size + 1, Eigen::Vector3d::Zero());
   for (std::uint32_t i = 0; i < ring.size; ++i)
     prefix[i + 1] = prefix[i] + ring.points[i].position.cast<double>();
+  Eigen::Vector3f mean_before = Eigen::Vector3f::Zero();
+  double way = 0.0;
   for (std::uint32_t i = 0; i < ring.size; ++i) {
     const std::uint32_t n = sizes[i];
     if (i < n || i + n >= ring.size) continue;
     const Eigen::Vector3f& p = ring.points[i].position;
     const auto count = static_cast<float>(2 * n);
     const Eigen::Vector3f window = (prefix[i + n + 1] - prefix[i - n]).cast<float>();
-    scratch->smoothed[i] = window / (count + 1.0F);
+    const Eigen::Vector3f mean = window / (count + 1.0F);
+    way += (mean - mean_before).norm();
+    mean_before = mean;
+    scratch->way[i] = way;
     const float deviation = (window - (count + 1.0F) * p).norm();
     const float spread =
         0.5F * static_cast<float>(n + 1) *
@@ -196,26 +201,36 @@ void select_edges(const Ring& ring, const RingScratch& scratch, const FeatureCon
   }
 }
 
-/// Flat points at least `plane_spacing` apart. The distance is that of the windows' means: of the points
-/// themselves, whose noise along a wall that the beam grazes is larger than their spacing, the next one far
-/// enough would be one that noise took there. That is too near where the ring comes towards the sensor and
-/// too far where it leaves, and turns each scan against the rotor.
+/// Of each `plane_spacing` of way along the ring the flat point nearest to its middle. Both choices must be
+/// blind to noise and to the sense in which the rotor turns. The first point far enough from the last would
+/// be one that its own noise took there (so the way is that of the windows' means); and behind each gap in a
+/// wall it would always be the first one, never the last one before it. Either turns each scan against the
+/// rotor.
 void select_planes(const Ring& ring, const RingScratch& scratch, const FeatureConfig& config,
                    std::uint32_t quota, std::uint32_t begin, std::uint32_t end, RingFeatures* out) {
   const auto threshold = static_cast<float>(config.plane_max_curvature);
-  const auto spacing_sq = static_cast<float>(config.plane_spacing_m * config.plane_spacing_m);
+  const double spacing = config.plane_spacing_m;
   std::vector<std::uint32_t> taken;
+  double slot = -1.0;
+  double best = 0.0;
   for (std::uint32_t i = begin; i < end; ++i) {
     if (scratch.usable[i] == 0 || scratch.curvature[i] > threshold) continue;
-    if (!taken.empty() && (scratch.smoothed[i] - scratch.smoothed[taken.back()]).squaredNorm() < spacing_sq) {
+    const double slot_of_point = std::floor(scratch.way[i] / spacing);
+    const double off = std::abs(scratch.way[i] / spacing - slot_of_point - 0.5);
+    if (taken.empty() || slot_of_point != slot) {
+      taken.push_back(i);
+    } else if (off < best) {
+      taken.back() = i;
+    } else {
       continue;
     }
-    taken.push_back(i);
+    slot = slot_of_point;
+    best = off;
   }
   // Over the quota every k-th stays, so that what is left still covers the sector evenly.
   const std::size_t count = std::min<std::size_t>(quota, taken.size());
   for (std::size_t k = 0; k < count; ++k) {
-    const std::uint32_t i = taken[k * taken.size() / count];
+    const std::uint32_t i = taken[(2 * k + 1) * taken.size() / (2 * count)];
     out->planes.push_back(ring.offset + i);
     out->plane_scores.push_back(1.0F - scratch.curvature[i] / threshold);
   }

@@ -10,12 +10,14 @@ namespace fdi_lio::features {
 namespace {
 
 /// One ring at height zero in a square room of half width `half`, with an optional pole in front of a wall.
-DeskewedScan square_room(double half, bool with_pole, int points = 1800) {
+/// The room is turned by `turn_rad` against the rotor.
+DeskewedScan square_room(double half, bool with_pole, int points = 1800, double turn_rad = 0.0) {
   DeskewedScan scan;
   scan.ring_begin = {0, static_cast<std::uint32_t>(points)};
   for (int k = 0; k < points; ++k) {
     const double azimuth = M_PI - 2.0 * M_PI * k / points;
-    double range = half / std::max(std::abs(std::cos(azimuth)), std::abs(std::sin(azimuth)));
+    const double in_room = azimuth - turn_rad;
+    double range = half / std::max(std::abs(std::cos(in_room)), std::abs(std::sin(in_room)));
     if (with_pole && std::abs(azimuth - 0.2) < 0.02) range = 0.5 * half;
     Point point;
     point.position = Eigen::Vector3d(range * std::cos(azimuth), range * std::sin(azimuth), 0.0).cast<float>();
@@ -99,6 +101,33 @@ TEST(FeatureExtractor, NoiseAlongTheBeamsDoesNotTurnAWall) {
   const double turned = sum[0] / count[0] - sum[1] / count[1];
   const double sigma = 0.02 * std::sqrt(1.0 / count[0] + 1.0 / count[1]);
   EXPECT_LT(std::abs(turned), 4.0 * sigma) << turned;
+}
+
+// Counted from the first flat point behind each corner, features would lie a quarter of `plane_spacing` (62
+// mm) before the middle of the wall, as seen by the rotor.
+TEST(FeatureExtractor, FeaturesLieOnBothEndsOfAWallAlike) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> turn(0.0, 2.0 * M_PI);
+  double sum = 0.0;
+  double sum_sq = 0.0;
+  constexpr int kScans = 400;
+  for (int scan = 0; scan < kScans; ++scan) {
+    const double turn_rad = turn(random);
+    double along = 0.0;
+    int count = 0;
+    for (const Point& plane : extract(square_room(5.0, false, 1800, turn_rad)).planes) {
+      const double in_room = std::atan2(plane.position.y(), plane.position.x()) - turn_rad;
+      const double from_middle = in_room - 0.5 * M_PI * std::round(in_room / (0.5 * M_PI));
+      along += 5.0 * std::tan(from_middle);
+      ++count;
+    }
+    ASSERT_GT(count, 100);
+    sum += along / count;
+    sum_sq += std::pow(along / count, 2);
+  }
+  const double sigma = std::sqrt(sum_sq) / kScans;
+  EXPECT_LT(sigma, 0.005);
+  EXPECT_LT(std::abs(sum / kScans), 4.0 * sigma);
 }
 
 TEST(FeatureExtractor, QuotasSpreadFeaturesOverTheSectors) {
