@@ -126,7 +126,7 @@ void FeatureConfig::visit(ParameterVisitor& v) {
   v.real({"features.threshold_complexity_gain", "",
           "share by which both thresholds admit less where the curvature is very uneven (leaves, clutter)"},
          threshold_complexity_gain, 0.0, 0.9);
-  v.real({"features.plane_spacing", "m", "least distance of plane features along a ring"}, plane_spacing_m,
+  v.real({"features.plane_spacing", "m", "way along a ring that has one plane feature"}, plane_spacing_m,
          0.01, 5.0);
   v.integer({"features.sectors", "", "sectors of a ring that share the features equally"}, sectors, 1, 64);
   v.integer({"features.max_planes", "", "most plane features of a scan"}, max_planes, 100, 100000);
