@@ -21,9 +21,9 @@ class RegistrationError(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.path = pathlib.Path(folder.name)
 
-    def simulate(self, scenario, duration_s=8):
-        subprocess.run([BIN / "simulate_bag", "--scenario", SOURCE / f"config/scenarios/{scenario}.yaml", "--seed", "1",
-                        "--set", "lidar.model=vlp16", "--output", self.path / "a.bag", "--duration",
+    def simulate(self, scenario, duration_s=8, seed=1):
+        subprocess.run([BIN / "simulate_bag", "--scenario", SOURCE / f"config/scenarios/{scenario}.yaml", "--seed",
+                        str(seed), "--set", "lidar.model=vlp16", "--output", self.path / "a.bag", "--duration",
                         str(duration_s)], check=True, capture_output=True)
 
     def evaluate(self, *options):
@@ -46,8 +46,12 @@ class RegistrationError(unittest.TestCase):
         self.assertLess(np.median(rows[:, 2]), 0.01)
 
     def test_a_tunnel_leaves_its_axis_to_the_intensity(self):
-        self.simulate("tunnel", 18)
-        rows = self.rows("--start", "7")
+        # Which marks lie along eleven seconds of one tunnel is chance: three of them.
+        parts = []
+        for seed in (1, 2, 3):
+            self.simulate("tunnel", 18, seed)
+            parts.append(self.rows("--start", "7"))
+        rows = np.vstack(parts)
         # What stays of starts 0.2 m beside the truth along three axes is up to sqrt((0.2 m)^2 / 3) = 0.115 m.
         blind = np.median(rows[:, 2])
         self.assertGreater(blind, 0.05)
