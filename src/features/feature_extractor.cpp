@@ -15,7 +15,7 @@ namespace {
 /// What the points of one ring are good for.
 struct RingScratch {
   std::vector<float> range;
-  std::vector<double> way;  ///< length of the ring up to each point, along the means of their windows [m]
+  std::vector<double> way;  ///< from the lidar along the means of the usable points' windows to each [m]
   std::vector<float> curvature;
   std::vector<float> texture;  ///< intensity gradient over that of the scan, [0, 1]; empty without intensity
   std::vector<float> score;    ///< composite
@@ -69,7 +69,8 @@ FDI_LIO_WIDE_VECTORS std::vector<std::uint32_t> window_sizes(const Ring& ring, c
 /// alone produces:
 ///   c_i = max(0, |sum_j (p_j - p_i)| - 2 sigma sqrt(N^2 + N)) / ((n + 1) / 2 (|p_{i+n} - p_i| + |p_{i-n} -
 ///   p_i|)).
-/// So 0 is a straight stretch, 0.71 a right angle and 1 a spike, whatever the beam spacing and the range.
+/// So 0 is a straight line, 0.71 a right angle and 1 a spike, whatever the beam spacing and the range. The
+/// means of the same windows are those that `way` leads along.
 FDI_LIO_WIDE_VECTORS void compute_curvature(const Ring& ring, const FeatureConfig& config,
                                             float range_noise_m, RingScratch* scratch) {
   scratch->range.resize(ring.size);
@@ -201,31 +202,30 @@ void select_edges(const Ring& ring, const RingScratch& scratch, const FeatureCon
   }
 }
 
-/// Of each `plane_spacing` of way along the ring the flat point nearest to its middle. Both choices must be
-/// blind to noise and to the sense in which the rotor turns. The first point far enough from the last would
-/// be one that its own noise took there (so the way is that of the windows' means); and behind each gap in a
-/// wall it would always be the first one, never the last one before it. Either turns each scan against the
-/// rotor.
+/// Of each stretch of the ring, `plane_spacing` long, the flat point nearest to its middle. The choice must
+/// be blind to noise and to the sense in which the rotor turns. The first point far enough from the last
+/// would be one that its own noise took there (so the way is that of the windows' means); and behind each gap
+/// in a wall it would always be the first one, never the last one before it. Either turns each scan against
+/// the rotor.
 void select_planes(const Ring& ring, const RingScratch& scratch, const FeatureConfig& config,
                    std::uint32_t quota, std::uint32_t begin, std::uint32_t end, RingFeatures* out) {
   const auto threshold = static_cast<float>(config.plane_max_curvature);
-  const double spacing = config.plane_spacing_m;
   std::vector<std::uint32_t> taken;
-  double slot = -1.0;
-  double best = 0.0;
+  double stretch = -1.0;  // none yet
+  double least_off = 0.0;
   for (std::uint32_t i = begin; i < end; ++i) {
     if (scratch.usable[i] == 0 || scratch.curvature[i] > threshold) continue;
-    const double slot_of_point = std::floor(scratch.way[i] / spacing);
-    const double off = std::abs(scratch.way[i] / spacing - slot_of_point - 0.5);
-    if (taken.empty() || slot_of_point != slot) {
+    const double at = scratch.way[i] / config.plane_spacing_m;
+    const double off = std::abs(at - std::floor(at) - 0.5);
+    const bool is_new_stretch = std::floor(at) != stretch;
+    if (!is_new_stretch && off >= least_off) continue;
+    if (is_new_stretch) {
       taken.push_back(i);
-    } else if (off < best) {
-      taken.back() = i;
     } else {
-      continue;
+      taken.back() = i;
     }
-    slot = slot_of_point;
-    best = off;
+    stretch = std::floor(at);
+    least_off = off;
   }
   // Over the quota every k-th stays, so that what is left still covers the sector evenly.
   const std::size_t count = std::min<std::size_t>(quota, taken.size());
