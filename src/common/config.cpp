@@ -182,6 +182,13 @@ void MappingConfig::visit(ParameterVisitor& v) {
          max_deviation, 1.0, 1e9);
   v.real({"mapping.surface_roughness", "m", "deviation of real surfaces from the map's planes"},
          surface_roughness_m, 0.0, 0.5);
+  v.real(
+      {"mapping.range_bias", "m",
+       "deviation of range errors that stay as they are: surfaces differ by it between views from two sides"},
+      range_bias_m, 0.0, 0.5);
+  v.real({"mapping.line_radius", "m",
+          "deviation of the depth of poles and trunks, of which a scan sees the near side only"},
+         line_radius_m, 0.0, 1.0);
   v.real({"mapping.correlation_factor", "",
           "how many residuals share one independent error (map, beam calibration)"},
          correlation_factor, 1.0, 1000.0);

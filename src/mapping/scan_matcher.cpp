@@ -113,8 +113,10 @@ class Residuals {
   };
 
   /// Distance of a point to a plane or a line along the cell's axis `normal`; the cell knows that axis no
-  /// better than its points allow along its axes from `first_slope` on.
-  Residual distance(const Eigen::Vector3d& p_imu, const Cell& cell, int normal, int first_slope) const;
+  /// better than its points allow along its axes from `first_slope` on. `depth_sigma_m` is the deviation of
+  /// errors of depth that all points have that are seen from one side.
+  Residual distance(const Eigen::Vector3d& p_imu, const Cell& cell, int normal, int first_slope,
+                    double depth_sigma_m) const;
   /// Difference between the cell's intensity at the point and the point's own.
   Residual intensity(const Eigen::Vector3d& p_imu, double level, const Cell& cell) const;
   void add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residual& residual, double weight,
@@ -139,6 +141,8 @@ class Residuals {
  private:
   Vector6d jacobian(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& gradient) const;
   double point_variance(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& n) const;
+  double view_variance(const Eigen::Vector3d& p_imu, const Cell& cell, const Eigen::Vector3d& n,
+                       double depth_sigma_m) const;
 
   const MappingConfig& mapping_;
   const MatchSettings& settings_;
@@ -176,6 +180,15 @@ double Residuals::point_variance(const Eigen::Vector3d& p_imu, const Eigen::Vect
   return range_variance_ + angle_variance_ * tangential_sq;
 }
 
+/// What the point and those of the cell may differ by along the unit vector n (map frame), because they were
+/// seen from different sides: an error of depth, which goes with the beam, is the same for all of a thing's
+/// points that are seen from one side, and cancels there.
+double Residuals::view_variance(const Eigen::Vector3d& p_imu, const Cell& cell, const Eigen::Vector3d& n,
+                                double depth_sigma_m) const {
+  const double turned = n.dot(cell.view) - (p_imu - origin_).normalized().dot(R_.transpose() * n);
+  return depth_sigma_m * depth_sigma_m * turned * turned;
+}
+
 void Residuals::add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residual& residual, double weight,
                     Sum* sum) const {
   const double r = residual.value;
@@ -197,12 +210,13 @@ void Residuals::add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residu
 }
 
 Residuals::Residual Residuals::distance(const Eigen::Vector3d& p_imu, const Cell& cell, int normal,
-                                        int first_slope) const {
+                                        int first_slope, double depth_sigma_m) const {
   const Eigen::Vector3d offset = in_map(p_imu) - cell.mean;
   Residual residual;
   residual.gradient = cell.axes.col(normal);
   residual.value = residual.gradient.dot(offset);
   residual.variance = point_variance(p_imu, residual.gradient) +
+                      view_variance(p_imu, cell, residual.gradient, depth_sigma_m) +
                       cell.variances[normal] * (1.0 + leverage(cell, offset, normal) / cell.count);
   residual.slope_variance = std::max(cell.variances[normal], range_variance_) / cell.count;
   residual.first_slope = first_slope;
@@ -214,8 +228,10 @@ Residuals::Residual Residuals::intensity(const Eigen::Vector3d& p_imu, double le
   Residual residual;
   residual.gradient = cell.intensity_gradient;
   residual.value = cell.mean_intensity + residual.gradient.dot(offset) - level;
+  const Eigen::Vector3d n = residual.gradient.normalized();
   residual.variance = cell.intensity_variance * (1.0 + leverage(cell, offset, 0) / cell.count) +
-                      point_variance(p_imu, residual.gradient.normalized()) * residual.gradient.squaredNorm();
+                      (point_variance(p_imu, n) + view_variance(p_imu, cell, n, mapping_.range_bias_m)) *
+                          residual.gradient.squaredNorm();
   residual.slope_variance = cell.intensity_variance / cell.count;
   residual.first_slope = 1;
   return residual;
@@ -288,13 +304,15 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const VoxelMap&
   Sum sum = residuals.sum_up(input.planes, find_planes, [&](std::size_t i, const Cell& cell, Sum* part) {
     const Eigen::Vector3d& p = input.planes[i];
     const double trust = input.plane_trust.empty() ? 1.0 : input.plane_trust[i];
-    add(p, cell, residuals.distance(p, cell, 0, 1), settings.plane_weight * trust, part);
+    add(p, cell, residuals.distance(p, cell, 0, 1, config_.mapping.range_bias_m),
+        settings.plane_weight * trust, part);
   });
   const std::size_t planes = sum.count;
   sum += residuals.sum_up(input.edges, find_lines, [&](std::size_t i, const Cell& cell, Sum* part) {
     const Eigen::Vector3d& p = input.edges[i];
     for (int axis = 0; axis < 2; ++axis)
-      add(p, cell, residuals.distance(p, cell, axis, 2), settings.edge_weight, part);
+      add(p, cell, residuals.distance(p, cell, axis, 2, config_.mapping.line_radius_m), settings.edge_weight,
+          part);
   });
   LidarInformation information = residuals.finish(q_odom_imu, sum);
   information.planes = planes;
@@ -313,7 +331,8 @@ std::vector<float> ScanMatcher::trust_planes(const MatchInput& input, const Voxe
     plane_map.find_planes(points, count, false, cells);
   };
   residuals.for_each_match(input.planes, find, [&](std::size_t i, const Cell& cell, std::size_t) {
-    const Residuals::Residual residual = residuals.distance(input.planes[i], cell, 0, 1);
+    const Residuals::Residual residual =
+        residuals.distance(input.planes[i], cell, 0, 1, config_.mapping.range_bias_m);
     if (std::abs(residual.value) <= config_.mapping.max_residual_m) found[i] = residual;
   });
   KeyIndex numbers;

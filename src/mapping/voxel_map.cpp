@@ -30,19 +30,6 @@ constexpr double kPriorIntensityPoints = 10.0;
 
 int level_of(int slot) { return slot == 0 ? 2 : (slot < 9 ? 1 : 0); }
 
-/// Welford's update, exact for the mean and the scatter about it.
-void add_point(const Eigen::Vector3d& point, float intensity, Cell* cell) {
-  ++cell->count;
-  const Eigen::Vector3d before = point - cell->mean;
-  cell->mean += before / cell->count;
-  cell->scatter += before * (point - cell->mean).transpose();
-  const float intensity_before = intensity - cell->mean_intensity;
-  cell->mean_intensity += intensity_before / static_cast<float>(cell->count);
-  const double intensity_after = intensity - cell->mean_intensity;
-  cell->intensity_scatter += intensity_before * intensity_after;
-  cell->cross_scatter += before * intensity_after;
-}
-
 /// Linear regression of the intensity on the two coordinates in the surface; whether there is a gradient.
 bool regress_intensity(double least_spread_m, Cell* cell) {
   cell->intensity_gradient.setZero();
@@ -74,6 +61,29 @@ std::int64_t floor_of(double value) {
 }
 
 }  // namespace
+
+/// A point with its intensity, and the unit vector from the sensor to it.
+struct VoxelMap::Sighting {
+  Eigen::Vector3d point;
+  float intensity;
+  Eigen::Vector3d direction;
+
+  void add_to(Cell* cell) const;
+};
+
+/// Welford's update, exact for the mean and the scatter about it.
+void VoxelMap::Sighting::add_to(Cell* cell) const {
+  ++cell->count;
+  cell->view += (direction - cell->view) / cell->count;
+  const Eigen::Vector3d before = point - cell->mean;
+  cell->mean += before / cell->count;
+  cell->scatter += before * (point - cell->mean).transpose();
+  const float intensity_before = intensity - cell->mean_intensity;
+  cell->mean_intensity += intensity_before / static_cast<float>(cell->count);
+  const double intensity_after = intensity - cell->mean_intensity;
+  cell->intensity_scatter += intensity_before * intensity_after;
+  cell->cross_scatter += before * intensity_after;
+}
 
 /// A cell whose axes have to be computed again.
 struct VoxelMap::Dirty {
@@ -117,7 +127,8 @@ VoxelMap::Block* VoxelMap::block_at(Key key) {
   return &blocks_[number];
 }
 
-void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vector<float>& intensities) {
+void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vector<float>& intensities,
+                      const Eigen::Vector3d& origin) {
   std::vector<Dirty> dirty;
   ++scans_;
   std::array<Address, kGroup> addresses;
@@ -143,8 +154,9 @@ void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vec
       }
     }
     for (std::size_t k = 0; k < size; ++k) {
-      for (const int slot : addresses[k].slots)
-        add(points[first + k], intensities[first + k], slot, &blocks[k]->cells[slot], &dirty);
+      const Eigen::Vector3d& point = points[first + k];
+      const Sighting sighting{point, intensities[first + k], (point - origin).normalized()};
+      for (const int slot : addresses[k].slots) add(sighting, slot, &blocks[k]->cells[slot], &dirty);
     }
   }
   parallel_chunks(dirty.size(), 256, [&](std::size_t begin, std::size_t end, std::size_t) {
@@ -154,8 +166,7 @@ void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vec
   });
 }
 
-void VoxelMap::add(const Eigen::Vector3d& point, float intensity, int slot, CellReference* reference,
-                   std::vector<Dirty>* dirty) {
+void VoxelMap::add(const Sighting& sighting, int slot, CellReference* reference, std::vector<Dirty>* dirty) {
   Cell* cell = &cells_[reference->cell()];
   // Scans count in full cells, too: one that fills early would never have a texture.
   bool has_enough_scans = false;
@@ -165,7 +176,7 @@ void VoxelMap::add(const Eigen::Vector3d& point, float intensity, int slot, Cell
   }
   const bool is_full = cell->count >= config_.max_points;
   if (is_full && !has_enough_scans) return;
-  if (!is_full) add_point(point, intensity, cell);
+  if (!is_full) sighting.add_to(cell);
   if (cell->count < config_.min_points) return;
   if (has_enough_scans || cell->count_at_update == 0 || cell->count >= kGrowth * cell->count_at_update) {
     cell->count_at_update = cell->count;

@@ -23,7 +23,7 @@ std::vector<Eigen::Vector3d> plane_points(std::size_t count, const Eigen::Vector
 }
 
 void insert(const std::vector<Eigen::Vector3d>& points, VoxelMap* map) {
-  map->insert(points, std::vector<float>(points.size(), 1.0F));
+  map->insert(points, std::vector<float>(points.size(), 1.0F), Eigen::Vector3d::Zero());
 }
 
 TEST(VoxelMap, PlaneIsThatOfABruteForceFit) {
@@ -48,6 +48,22 @@ TEST(VoxelMap, PlaneIsThatOfABruteForceFit) {
   EXPECT_LT((cell->mean - mean).norm(), 1e-9);
   EXPECT_GT(std::abs(cell->axes.col(0).dot(R.col(2))), std::cos(0.05));
   EXPECT_NEAR(std::sqrt(cell->variances[0]), 0.01, 0.004);
+}
+
+TEST(VoxelMap, ViewIsTheMeanDirectionFromTheSensor) {
+  const Eigen::Vector3d center(10.2, -3.4, 1.0);
+  const auto points = plane_points(40, center, Eigen::Matrix3d::Identity(), 0.1, 0.01);
+  VoxelMap map(VoxelMapConfig{});
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  const std::vector<Eigen::Vector3d> origins{{4.0, -3.0, 2.0}, {10.0, -9.0, 2.0}};
+  for (const Eigen::Vector3d& origin : origins) {
+    map.insert(points, std::vector<float>(points.size(), 1.0F), origin);
+    for (const Eigen::Vector3d& point : points) sum += (point - origin) / (point - origin).norm();
+  }
+  const Cell* cell = map.find_plane(center, false);
+  ASSERT_NE(cell, nullptr);
+  ASSERT_EQ(cell->count, 2 * points.size());
+  EXPECT_LT((cell->view - sum / cell->count).norm(), 1e-12);
 }
 
 TEST(VoxelMap, SparsePointsAreFoundOnACoarserLevel) {
@@ -126,13 +142,14 @@ TEST(VoxelMap, ForgetsCellsThatWereNeverFilledAndKeepsWalls) {
   const std::size_t wall = map.cell_count();
   for (int scan = 0; scan < 500; ++scan) {
     const Eigen::Vector3d passing(0.2 + 0.1 * scan, 3.0, 0.2);
-    map.insert({passing}, {0.5F});
+    map.insert({passing}, {0.5F}, Eigen::Vector3d::Zero());
   }
   const std::size_t with_traces = map.cell_count();
   EXPECT_GT(with_traces, wall + 200);
   map.tidy(Eigen::Vector3d::Zero(), 100.0);
   EXPECT_EQ(map.cell_count(), with_traces) << "all were met within 600 insertions";
-  for (int scan = 0; scan < 700; ++scan) map.insert({Eigen::Vector3d(-5.0, 3.0, 0.2)}, {0.5F});
+  for (int scan = 0; scan < 700; ++scan)
+    map.insert({Eigen::Vector3d(-5.0, 3.0, 0.2)}, {0.5F}, Eigen::Vector3d::Zero());
   map.tidy(Eigen::Vector3d::Zero(), 100.0);
   EXPECT_NE(map.find_plane(Eigen::Vector3d(0.2, 0.2, 0.2), false), nullptr);
   // Four points in each of the 125 finest cells are too few; those of 63 middle and 32 coarsest cells are

@@ -118,6 +118,8 @@ struct MappingConfig {
   double robust_scale = 1.5;
   double max_deviation = 4.0;
   double surface_roughness_m = 0.01;
+  double range_bias_m = 0.02;
+  double line_radius_m = 0.1;
   double correlation_factor = 4.0;
   double convergence_rotation_rad = 1e-4;
   double convergence_translation_m = 5e-4;

@@ -23,7 +23,9 @@ struct Cell {
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();   ///< columns, smallest variance first
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();    ///< sum of squared deviations from the mean
   float mean_intensity = 0.0F;
-  std::uint32_t listed_at = 0;     ///< number of the newest insertion after which the axes are computed again
+  std::uint32_t listed_at = 0;  ///< number of the newest insertion after which the axes are computed again
+  /// Mean of the unit vectors from the sensor to the points. Which side of a thing the points lie on.
+  Eigen::Vector3d view = Eigen::Vector3d::Zero();
   double intensity_scatter = 0.0;  ///< sum of squared deviations from the mean intensity
   /// Sum of (position - mean) (intensity - mean intensity).
   Eigen::Vector3d cross_scatter = Eigen::Vector3d::Zero();
@@ -85,8 +87,9 @@ class VoxelMap {
  public:
   explicit VoxelMap(const VoxelMapConfig& config);
 
-  /// Adds points (map frame) with their intensities (same size).
-  void insert(const std::vector<Eigen::Vector3d>& points, const std::vector<float>& intensities);
+  /// Adds points (map frame) with their intensities (same size), seen from `origin`.
+  void insert(const std::vector<Eigen::Vector3d>& points, const std::vector<float>& intensities,
+              const Eigen::Vector3d& origin);
 
   /// The finest cell around each of `count` points that is a plane; nullptr where there is none. With `wide`
   /// also the planes of the neighbouring coarsest cells, the nearest to the point. Many at once wait for
@@ -144,13 +147,13 @@ class VoxelMap {
     Key key;
     std::array<int, 3> slots;  ///< coarsest, middle, finest
   };
+  struct Sighting;
   struct Dirty;
 
   Address address_of(const Eigen::Vector3d& point) const;
   Eigen::Vector3d center_of(const Block& block) const;
   Block* block_at(Key key);
-  void add(const Eigen::Vector3d& point, float intensity, int slot, CellReference* reference,
-           std::vector<Dirty>* dirty);
+  void add(const Sighting& sighting, int slot, CellReference* reference, std::vector<Dirty>* dirty);
   void update_axes(double size_m, CellReference* reference);
   bool is_forgotten(const Cell& cell) const;
   bool has_left(const Block& block, const Eigen::Vector3d& center, double radius_m) const;
