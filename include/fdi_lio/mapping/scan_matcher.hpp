@@ -52,7 +52,9 @@ class ScanMatcher {
   explicit ScanMatcher(const Config& config) : config_(config) {}
 
   /// Point to plane and point to line: associates planes and edges of `input` at the given pose and sums the
-  /// normal equations.
+  /// normal equations. Where a cell was seen from another side than the point, the variance of the residual
+  /// grows by (s n . (v - d))^2 with the mean direction v to the cell's points, that of the beam d, the
+  /// residual's axis n and s = `mapping.range_bias` for planes, `mapping.line_radius` for edges.
   LidarInformation linearise(const MatchInput& input, const VoxelMap& plane_map, const VoxelMap& edge_map,
                              const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
                              const MatchSettings& settings) const;

@@ -21,11 +21,11 @@ struct Cell {
   std::uint32_t count_at_update = 0;                    ///< points that axes and variances were computed from
   Eigen::Vector3d variances = Eigen::Vector3d::Zero();  ///< ascending [m^2]
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();   ///< columns, smallest variance first
-  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();    ///< sum of squared deviations from the mean
-  float mean_intensity = 0.0F;
-  std::uint32_t listed_at = 0;  ///< number of the newest insertion after which the axes are computed again
-  /// Mean of the unit vectors from the sensor to the points. Which side of a thing the points lie on.
+  /// Mean of the unit vectors from the sensor to the points (map frame): the side that they were seen from.
   Eigen::Vector3d view = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();  ///< sum of squared deviations from the mean
+  float mean_intensity = 0.0F;
+  std::uint32_t listed_at = 0;     ///< number of the newest insertion after which the axes are computed again
   double intensity_scatter = 0.0;  ///< sum of squared deviations from the mean intensity
   /// Sum of (position - mean) (intensity - mean intensity).
   Eigen::Vector3d cross_scatter = Eigen::Vector3d::Zero();
