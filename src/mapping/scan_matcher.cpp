@@ -18,10 +18,8 @@ constexpr std::size_t kChunk = 256;
 constexpr double kPatchSize = 2.0;
 /// What a patch's mean may deviate by beyond the prediction's error, as a share of the deviation of one
 /// point: beams and surfaces have errors that averaging does not take away.
-constexpr double kPatchFloor = 0.5;
-/// Deviation at which a patch's weight falls to a quarter. The prediction's own deviations count twice: they
-/// know nothing of the errors that scans and map share.
-constexpr double kPatchScale = 2.0;
+constexpr double kPatchFloor = 0.25;
+/// The prediction's own deviations count twice: they know nothing of the errors that scans and map share.
 constexpr double kPredictionFactorSq = 4.0;
 
 /// Normal equations of some residuals.
@@ -70,13 +68,14 @@ class Patch {
     jacobian_ += weight * J;
   }
 
-  /// 1 where the mean is what the pose's covariance and chance allow, towards 0 where it is not.
+  /// 1 where the mean is what the pose's covariance and chance allow, a quarter where it is one deviation of
+  /// these, towards 0 beyond.
   double trust(const Matrix6d& covariance, double correlation_factor, double floor_variance) const {
     const double mean = residual_ / weight_;
     const Vector6d J = jacobian_ / weight_;
     const double variance =
         correlation_factor / weight_ + floor_variance + kPredictionFactorSq * J.dot(covariance * J);
-    const double excess = 1.0 + mean * mean / (variance * kPatchScale * kPatchScale);
+    const double excess = 1.0 + mean * mean / variance;
     return 1.0 / (excess * excess);
   }
 

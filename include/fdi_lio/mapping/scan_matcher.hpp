@@ -65,7 +65,7 @@ class ScanMatcher {
   /// planes are put into patches (2 m cubes of the scan, by direction of the normal). Their mean residual m
   /// = sum(w r) / sum(w), with Jacobian J alike, has the expected variance
   ///   s^2 = correlation_factor / sum(w) + floor^2 + 4 J P J',
-  /// and all planes of the patch get the trust 1 / (1 + m^2 / (2 s)^2)^2.
+  /// and all planes of the patch get the trust 1 / (1 + m^2 / s^2)^2.
   std::vector<float> trust_planes(const MatchInput& input, const VoxelMap& plane_map,
                                   const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
                                   const Matrix6d& covariance) const;
