@@ -19,8 +19,11 @@ constexpr double kPatchSize = 2.0;
 /// What a patch's mean may deviate by beyond the prediction's error, as a share of the deviation of one
 /// point: beams and surfaces have errors that averaging does not take away.
 constexpr double kPatchFloor = 0.25;
-/// The prediction's own deviations count twice: they know nothing of the errors that scans and map share.
-constexpr double kPredictionFactorSq = 4.0;
+/// The prediction's own deviations of position count twice: they know nothing of the errors that scans and
+/// map share. Those of rotation count four times: clocks and mountings are not known as well as stated,
+/// either.
+constexpr double kPositionFactor = 2.0;
+constexpr double kRotationFactor = 4.0;
 
 /// Normal equations of some residuals.
 struct Sum {
@@ -72,9 +75,10 @@ class Patch {
   /// these, towards 0 beyond.
   double trust(const Matrix6d& covariance, double correlation_factor, double floor_variance) const {
     const double mean = residual_ / weight_;
-    const Vector6d J = jacobian_ / weight_;
-    const double variance =
-        correlation_factor / weight_ + floor_variance + kPredictionFactorSq * J.dot(covariance * J);
+    Vector6d J = jacobian_ / weight_;
+    J.head<3>() *= kRotationFactor;
+    J.tail<3>() *= kPositionFactor;
+    const double variance = correlation_factor / weight_ + floor_variance + J.dot(covariance * J);
     const double excess = 1.0 + mean * mean / variance;
     return 1.0 / (excess * excess);
   }

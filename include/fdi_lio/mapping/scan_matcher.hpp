@@ -64,7 +64,7 @@ class ScanMatcher {
   /// from scan to scan it hardly deviates from where the map has it. Many points together show it. The
   /// planes are put into patches (2 m cubes of the scan, by direction of the normal). Their mean residual m
   /// = sum(w r) / sum(w), with Jacobian J alike, has the expected variance
-  ///   s^2 = correlation_factor / sum(w) + floor^2 + 4 J P J',
+  ///   s^2 = correlation_factor / sum(w) + floor^2 + J D P D J',  D = diag(4, 4, 4, 2, 2, 2),
   /// and all planes of the patch get the trust 1 / (1 + m^2 / s^2)^2.
   std::vector<float> trust_planes(const MatchInput& input, const VoxelMap& plane_map,
                                   const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
