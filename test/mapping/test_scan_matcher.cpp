@@ -87,16 +87,15 @@ TEST_F(Room, APatchThatContradictsThePredictionLosesTrust) {
   MatchInput input = seen_from(Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
   std::vector<bool> is_moved(input.planes.size(), false);
   for (std::size_t i = 0; i < input.planes.size(); ++i) {
-    // A part of the wall across x, by 5 cm: as near as a single point may well be.
+    // A part of the wall across x that is one patch, by 2 cm: as near as any point may well be.
     Eigen::Vector3d& p = input.planes[i];
-    if (std::abs(p.x() - 0.2) > 0.05 || (p.tail<2>() - Eigen::Vector2d(1.4, 1.4)).cwiseAbs().maxCoeff() > 0.6)
+    if (std::abs(p.x() - 0.2) > 0.05 || (p.tail<2>() - Eigen::Vector2d(1.0, 1.0)).cwiseAbs().maxCoeff() > 1.0)
       continue;
-    p.x() += 0.05;
-    is_moved[i] = true;
+    p.x() += 0.02;
+    is_moved[i] = p.tail<2>().minCoeff() > 0.6;  // in the corners the other walls match
   }
   const ScanMatcher matcher{Config()};
-  const auto mean_trust = [&](double sigma_m) {
-    const Matrix6d covariance = sigma_m * sigma_m * Matrix6d::Identity();
+  const auto mean_trust = [&](const Matrix6d& covariance) {
     const std::vector<float> trust = matcher.trust_planes(input, map_, Eigen::Quaterniond::Identity(),
                                                           Eigen::Vector3d::Zero(), covariance);
     Eigen::Vector2d sums = Eigen::Vector2d::Zero();
@@ -107,13 +106,21 @@ TEST_F(Room, APatchThatContradictsThePredictionLosesTrust) {
     }
     return Eigen::Vector2d(sums.cwiseQuotient(counts));
   };
-  const Eigen::Vector2d sure = mean_trust(0.002);
+  const Eigen::Vector2d sure = mean_trust(4e-6 * Matrix6d::Identity());
   EXPECT_GT(sure[0], 0.95);
   EXPECT_LT(sure[1], 0.3);
   // A prediction that may be off by as much says nothing against it.
-  const Eigen::Vector2d unsure = mean_trust(0.2);
+  const Eigen::Vector2d unsure = mean_trust(0.04 * Matrix6d::Identity());
   EXPECT_GT(unsure[0], 0.95);
   EXPECT_GT(unsure[1], 0.9);
+  // The prediction may be off by 2 cm there, by a shift or by a turn about y (the part is 1 m above): s is
+  // 4 and 8 cm, and a little more.
+  Matrix6d shifted = Matrix6d::Zero();
+  shifted(3, 3) = 0.02 * 0.02;
+  EXPECT_NEAR(mean_trust(shifted)[1], std::pow(1.0 + std::pow(2.0 / 4.0, 2), -2), 0.05);
+  Matrix6d turned = Matrix6d::Zero();
+  turned(1, 1) = 0.02 * 0.02;
+  EXPECT_NEAR(mean_trust(turned)[1], std::pow(1.0 + std::pow(2.0 / 8.0, 2), -2), 0.05);
 }
 
 TEST_F(Room, DistrustedPlanesWeighLess) {
