@@ -192,6 +192,12 @@ void MappingConfig::visit(ParameterVisitor& v) {
   v.real({"mapping.correlation_factor", "",
           "how many residuals share one independent error (map, beam calibration)"},
          correlation_factor, 1.0, 1000.0);
+  v.real({"mapping.shared_elevation_error", "deg",
+          "deviation of the error of elevation that planes of one direction within 10 m share (0: none)"},
+         shared_elevation_error_deg, 0.0, 1.0);
+  v.real({"mapping.shared_range_error", "m",
+          "deviation of the error of range that planes of one direction within 10 m share (0: none)"},
+         shared_range_error_m, 0.0, 1.0);
   v.real({"mapping.convergence_rotation", "rad", "iterations stop below this step"}, convergence_rotation_rad,
          0.0, 0.1);
   v.real({"mapping.convergence_translation", "m", "iterations stop below this step"},

@@ -64,6 +64,7 @@ MatchInput make_match_input(const FeatureSet& features, const MappingConfig& con
     for (const Point& point : features.intensity_edges) input.levels.push_back(point.intensity);
   }
   input.origin = T_imu_lidar.translation();
+  input.spin_axis = T_imu_lidar.linear().col(2);
   return input;
 }
 

@@ -54,8 +54,8 @@ Alignment Registration::align(MatchInput input, const LocalMap& map, const Adapt
   settings.intensity_weight = config_.intensity_weight;
   if (config_.judge_patches && predicted_covariance) {
     const imu::NavState& predicted = smoother->newest();
-    input.plane_trust = matcher_.trust_planes(input, map.planes(), predicted.q_odom_imu, predicted.t_odom_imu,
-                                              *predicted_covariance);
+    input.plane_factors = matcher_.weigh_planes(input, map.planes(), predicted.q_odom_imu,
+                                                predicted.t_odom_imu, *predicted_covariance);
   }
   Alignment alignment;
   for (int iteration = 0; iteration < iterations; ++iteration) {

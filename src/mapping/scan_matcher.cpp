@@ -1,5 +1,6 @@
 #include "fdi_lio/mapping/scan_matcher.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -16,6 +17,8 @@ namespace {
 constexpr std::size_t kChunk = 256;
 /// Plane matches are judged together within cubes of this size [m].
 constexpr double kPatchSize = 2.0;
+/// Within cubes of this size [m] planes share errors.
+constexpr double kShareSize = 10.0;
 /// What a patch's mean may deviate by beyond the prediction's error, as a share of the deviation of one
 /// point: beams and surfaces have errors that averaging does not take away.
 constexpr double kPatchFloor = 0.25;
@@ -89,13 +92,14 @@ class Patch {
   Vector6d jacobian_ = Vector6d::Zero();
 };
 
-/// The patch of a feature: the cube that it lies in, and the axis that its plane's normal is nearest to.
-std::uint64_t patch_key(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& normal) {
+/// The group of a plane: the cube of `size_m` that it lies in, and the signed axis that its normal is nearest
+/// to.
+std::uint64_t group_key(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& normal, double size_m) {
   Eigen::Index nearest = 0;
   normal.cwiseAbs().maxCoeff(&nearest);
   auto key = static_cast<std::uint64_t>(2 * nearest + (normal[nearest] > 0.0 ? 1 : 0));
   for (int axis = 0; axis < 3; ++axis) {
-    const auto cell = static_cast<std::int64_t>(std::floor(p_imu[axis] / kPatchSize));
+    const auto cell = static_cast<std::int64_t>(std::floor(p_imu[axis] / size_m));
     key = (key << 20) | (static_cast<std::uint64_t>(cell) & 0xfffff);
   }
   return key;
@@ -104,7 +108,7 @@ std::uint64_t patch_key(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& nor
 /// Residuals of a scan at one pose.
 class Residuals {
  public:
-  Residuals(const Config& config, const Eigen::Vector3d& origin, const Eigen::Quaterniond& q_odom_imu,
+  Residuals(const Config& config, const MatchInput& input, const Eigen::Quaterniond& q_odom_imu,
             const Eigen::Vector3d& t_odom_imu, const MatchSettings& settings);
 
   struct Residual {
@@ -125,6 +129,9 @@ class Residuals {
   void add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residual& residual, double weight,
            Sum* sum) const;
   void add_to_patch(const Eigen::Vector3d& p_imu, const Residual& residual, Patch* patch) const;
+  /// Variance of the error along the residual's gradient that the point shares with its neighbours: what the
+  /// calibration of the beams leaves of elevation and range.
+  double shared_variance(const Eigen::Vector3d& p_imu, const Residual& residual) const;
   double patch_floor_variance() const { return kPatchFloor * kPatchFloor * range_variance_; }
 
   Eigen::Vector3d in_map(const Eigen::Vector3d& p_imu) const { return R_ * p_imu + t_; }
@@ -150,18 +157,19 @@ class Residuals {
   const MappingConfig& mapping_;
   const MatchSettings& settings_;
   Eigen::Vector3d origin_;
+  Eigen::Vector3d spin_axis_;
   Eigen::Matrix3d R_;
   Eigen::Vector3d t_;
   double range_variance_;
   double angle_variance_;
 };
 
-Residuals::Residuals(const Config& config, const Eigen::Vector3d& origin,
-                     const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
-                     const MatchSettings& settings)
+Residuals::Residuals(const Config& config, const MatchInput& input, const Eigen::Quaterniond& q_odom_imu,
+                     const Eigen::Vector3d& t_odom_imu, const MatchSettings& settings)
     : mapping_(config.mapping),
       settings_(settings),
-      origin_(origin),
+      origin_(input.origin),
+      spin_axis_(input.spin_axis),
       R_(q_odom_imu.toRotationMatrix()),
       t_(t_odom_imu),
       range_variance_(config.sensor.range_noise_m * config.sensor.range_noise_m +
@@ -240,6 +248,19 @@ Residuals::Residual Residuals::intensity(const Eigen::Vector3d& p_imu, double le
   return residual;
 }
 
+double Residuals::shared_variance(const Eigen::Vector3d& p_imu, const Residual& residual) const {
+  const Eigen::Vector3d n = R_.transpose() * residual.gradient;
+  const Eigen::Vector3d beam = p_imu - origin_;
+  const double up_m = beam.dot(spin_axis_);
+  const Eigen::Vector3d level = beam - up_m * spin_axis_;
+  const double level_m = level.norm();
+  if (level_m < 1e-3) return 0.0;
+  const double lift_m = n.dot(level_m * spin_axis_ - up_m / level_m * level);
+  const double elevation_m = mapping_.shared_elevation_error_deg * M_PI / 180.0 * lift_m;
+  const double range_m = mapping_.shared_range_error_m * n.dot(beam.normalized());
+  return elevation_m * elevation_m + range_m * range_m;
+}
+
 void Residuals::add_to_patch(const Eigen::Vector3d& p_imu, const Residual& residual, Patch* patch) const {
   patch->add(1.0 / residual.variance, residual.value, jacobian(p_imu, residual.gradient));
 }
@@ -287,13 +308,75 @@ LidarInformation Residuals::finish(const Eigen::Quaterniond& q_odom_imu, const S
   return information;
 }
 
+/// Of each plane of a scan, where the map has one.
+using Distances = std::vector<std::optional<Residuals::Residual>>;
+
+/// Planes of a scan that are near each other and face alike.
+struct Groups {
+  std::vector<std::uint32_t> of_plane;  ///< number of the group; of planes without a distance any
+  std::size_t count = 0;
+};
+
+/// `is_signed`: those that face each other are apart.
+Groups group_planes(const std::vector<Eigen::Vector3d>& planes, const Distances& distances, double size_m,
+                    bool is_signed) {
+  KeyIndex numbers;
+  Groups groups;
+  groups.of_plane.resize(planes.size(), 0);
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    if (!distances[i]) continue;
+    const Eigen::Vector3d& gradient = distances[i]->gradient;
+    const Eigen::Vector3d normal = is_signed ? gradient : gradient.cwiseAbs();
+    groups.of_plane[i] = numbers.find_or_add(group_key(planes[i], normal, size_m));
+    groups.count = std::max<std::size_t>(groups.count, groups.of_plane[i] + 1);
+  }
+  return groups;
+}
+
+/// Of each plane, by its patch; 1 without a distance.
+std::vector<float> trust(const std::vector<Eigen::Vector3d>& planes, const Distances& distances,
+                         const Residuals& residuals, const Matrix6d& covariance, double correlation_factor) {
+  const Groups groups = group_planes(planes, distances, kPatchSize, true);
+  std::vector<Patch> patches(groups.count);
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    if (distances[i]) residuals.add_to_patch(planes[i], *distances[i], &patches[groups.of_plane[i]]);
+  }
+  std::vector<float> of_patch;
+  of_patch.reserve(patches.size());
+  for (const Patch& patch : patches) {
+    of_patch.push_back(
+        static_cast<float>(patch.trust(covariance, correlation_factor, residuals.patch_floor_variance())));
+  }
+  std::vector<float> factors(planes.size(), 1.0F);
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    if (distances[i]) factors[i] = of_patch[groups.of_plane[i]];
+  }
+  return factors;
+}
+
+/// Makes the planes of a group together worth no more than their mean with the errors that they share.
+void share(const std::vector<Eigen::Vector3d>& planes, const Distances& distances, const Residuals& residuals,
+           double correlation_factor, std::vector<float>* factors) {
+  const Groups groups = group_planes(planes, distances, kShareSize, false);
+  std::vector<double> shared(groups.count, 0.0);  // variance, in that of what chance leaves of the mean
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    if (!distances[i]) continue;
+    const double weight = static_cast<double>((*factors)[i]) / distances[i]->variance;
+    shared[groups.of_plane[i]] +=
+        weight * residuals.shared_variance(planes[i], *distances[i]) / correlation_factor;
+  }
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    if (distances[i]) (*factors)[i] /= static_cast<float>(1.0 + shared[groups.of_plane[i]]);
+  }
+}
+
 }  // namespace
 
 LidarInformation ScanMatcher::linearise(const MatchInput& input, const VoxelMap& plane_map,
                                         const VoxelMap& edge_map, const Eigen::Quaterniond& q_odom_imu,
                                         const Eigen::Vector3d& t_odom_imu,
                                         const MatchSettings& settings) const {
-  const Residuals residuals(config_, input.origin, q_odom_imu, t_odom_imu, settings);
+  const Residuals residuals(config_, input, q_odom_imu, t_odom_imu, settings);
   const auto add = [&](const Eigen::Vector3d& p, const Cell& cell, const Residuals::Residual& residual,
                        double weight, Sum* part) {
     if (std::abs(residual.value) <= settings.max_residual_m) residuals.add(p, cell, residual, weight, part);
@@ -306,9 +389,9 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const VoxelMap&
   };
   Sum sum = residuals.sum_up(input.planes, find_planes, [&](std::size_t i, const Cell& cell, Sum* part) {
     const Eigen::Vector3d& p = input.planes[i];
-    const double trust = input.plane_trust.empty() ? 1.0 : input.plane_trust[i];
+    const double factor = input.plane_factors.empty() ? 1.0 : input.plane_factors[i];
     add(p, cell, residuals.distance(p, cell, 0, 1, config_.mapping.range_bias_m),
-        settings.plane_weight * trust, part);
+        settings.plane_weight * factor, part);
   });
   const std::size_t planes = sum.count;
   sum += residuals.sum_up(input.edges, find_lines, [&](std::size_t i, const Cell& cell, Sum* part) {
@@ -323,48 +406,32 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const VoxelMap&
   return information;
 }
 
-std::vector<float> ScanMatcher::trust_planes(const MatchInput& input, const VoxelMap& plane_map,
+std::vector<float> ScanMatcher::weigh_planes(const MatchInput& input, const VoxelMap& plane_map,
                                              const Eigen::Quaterniond& q_odom_imu,
                                              const Eigen::Vector3d& t_odom_imu,
                                              const Matrix6d& covariance) const {
+  const MappingConfig& mapping = config_.mapping;
   const MatchSettings settings;
-  const Residuals residuals(config_, input.origin, q_odom_imu, t_odom_imu, settings);
-  std::vector<std::optional<Residuals::Residual>> found(input.planes.size());
+  const Residuals residuals(config_, input, q_odom_imu, t_odom_imu, settings);
+  Distances found(input.planes.size());
   const auto find = [&](const Eigen::Vector3d* points, std::size_t count, const Cell** cells) {
     plane_map.find_planes(points, count, false, cells);
   };
   residuals.for_each_match(input.planes, find, [&](std::size_t i, const Cell& cell, std::size_t) {
     const Residuals::Residual residual =
-        residuals.distance(input.planes[i], cell, 0, 1, config_.mapping.range_bias_m);
-    if (std::abs(residual.value) <= config_.mapping.max_residual_m) found[i] = residual;
+        residuals.distance(input.planes[i], cell, 0, 1, mapping.range_bias_m);
+    if (std::abs(residual.value) <= mapping.max_residual_m) found[i] = residual;
   });
-  KeyIndex numbers;
-  std::vector<Patch> patches;
-  std::vector<std::uint32_t> patch_of(input.planes.size(), KeyIndex::kNone);
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    if (!found[i]) continue;
-    patch_of[i] = numbers.find_or_add(patch_key(input.planes[i], found[i]->gradient));
-    if (patch_of[i] == patches.size()) patches.emplace_back();
-    residuals.add_to_patch(input.planes[i], *found[i], &patches[patch_of[i]]);
-  }
-  std::vector<float> trust_of_patch;
-  trust_of_patch.reserve(patches.size());
-  for (const Patch& patch : patches) {
-    trust_of_patch.push_back(static_cast<float>(
-        patch.trust(covariance, config_.mapping.correlation_factor, residuals.patch_floor_variance())));
-  }
-  std::vector<float> trust(input.planes.size(), 1.0F);
-  for (std::size_t i = 0; i < trust.size(); ++i) {
-    if (patch_of[i] != KeyIndex::kNone) trust[i] = trust_of_patch[patch_of[i]];
-  }
-  return trust;
+  std::vector<float> factors = trust(input.planes, found, residuals, covariance, mapping.correlation_factor);
+  share(input.planes, found, residuals, mapping.correlation_factor, &factors);
+  return factors;
 }
 
 LidarInformation ScanMatcher::linearise_textures(const MatchInput& input, const VoxelMap& texture_map,
                                                  const Eigen::Quaterniond& q_odom_imu,
                                                  const Eigen::Vector3d& t_odom_imu,
                                                  const MatchSettings& settings) const {
-  const Residuals residuals(config_, input.origin, q_odom_imu, t_odom_imu, settings);
+  const Residuals residuals(config_, input, q_odom_imu, t_odom_imu, settings);
   const auto find = [&](const Eigen::Vector3d* points, std::size_t count, const Cell** cells) {
     texture_map.find_textures(points, count, cells);
   };

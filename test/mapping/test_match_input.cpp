@@ -34,8 +34,9 @@ TEST(MatchInput, TakesTheMeanOfEachVoxelInTheBodyFrame) {
   ASSERT_EQ(input.textures.size(), 5U);
   ASSERT_EQ(input.levels.size(), 5U);
   EXPECT_EQ(input.levels[2], 0.5F);
-  EXPECT_TRUE(input.plane_trust.empty());
+  EXPECT_TRUE(input.plane_factors.empty());
   EXPECT_TRUE(input.origin.isApprox(T_imu_lidar.translation()));
+  EXPECT_TRUE(input.spin_axis.isApprox(Eigen::Vector3d::UnitZ()));
 }
 
 /// A wall at y = 2.3 m, 40 times scanned against the sense of the angles, with 2 cm of noise along the beams.

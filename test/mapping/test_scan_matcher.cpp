@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <iterator>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -94,9 +96,12 @@ TEST_F(Room, APatchThatContradictsThePredictionLosesTrust) {
     p.x() += 0.02;
     is_moved[i] = p.tail<2>().minCoeff() > 0.6;  // in the corners the other walls match
   }
-  const ScanMatcher matcher{Config()};
+  Config config;
+  config.mapping.shared_elevation_error_deg = 0.0;
+  config.mapping.shared_range_error_m = 0.0;
+  const ScanMatcher matcher(config);
   const auto mean_trust = [&](const Matrix6d& covariance) {
-    const std::vector<float> trust = matcher.trust_planes(input, map_, Eigen::Quaterniond::Identity(),
+    const std::vector<float> trust = matcher.weigh_planes(input, map_, Eigen::Quaterniond::Identity(),
                                                           Eigen::Vector3d::Zero(), covariance);
     Eigen::Vector2d sums = Eigen::Vector2d::Zero();
     Eigen::Vector2d counts = Eigen::Vector2d::Zero();
@@ -123,6 +128,50 @@ TEST_F(Room, APatchThatContradictsThePredictionLosesTrust) {
   EXPECT_NEAR(mean_trust(turned)[1], std::pow(1.0 + std::pow(2.0 / 8.0, 2), -2), 0.05);
 }
 
+// Errors of elevation and range that all planes of a wall share, by numeric derivatives of the beams' angles:
+// with h_i the information of each alone across the wall and e_i what the errors move it by, together they
+// are worth 1 / (1 + sum h_i e_i^2) of the sum of h_i.
+TEST_F(Room, PlanesThatShareErrorsWeighLess) {
+  MatchInput input;
+  input.origin = Eigen::Vector3d(0.5, -0.3, 1.2);
+  const Eigen::Quaterniond q_imu_lidar = so3::exp_q(Eigen::Vector3d(0.3, -0.2, 0.1));
+  input.spin_axis = q_imu_lidar * Eigen::Vector3d::UnitZ();
+  const MatchInput all = seen_from(Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
+  std::copy_if(all.planes.begin(), all.planes.end(), std::back_inserter(input.planes), [](const auto& p) {
+    return p.z() < 0.3 && p.template head<2>().minCoeff() > 0.6;  // one wall, clear of its corners
+  });
+  ASSERT_GT(input.planes.size(), 100U);
+  Config config;
+  config.mapping.shared_elevation_error_deg = 0.3;
+  config.mapping.shared_range_error_m = 0.01;
+  const ScanMatcher matcher(config);
+  const Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
+  const Eigen::Vector3d t = Eigen::Vector3d::Zero();
+
+  const auto point_at = [&](double azimuth, double elevation, double range_m) {
+    const Eigen::Vector3d direction(std::cos(elevation) * std::cos(azimuth),
+                                    std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
+    return Eigen::Vector3d(input.origin + q_imu_lidar * (range_m * direction));
+  };
+  double shared = 0.0;
+  for (const Eigen::Vector3d& p : input.planes) {
+    MatchInput single = input;
+    single.planes = {p};
+    const LidarInformation alone = matcher.linearise(single, map_, empty_, q, t, MatchSettings());
+    const Eigen::Vector3d beam = q_imu_lidar.conjugate() * (p - input.origin);
+    const double azimuth = std::atan2(beam.y(), beam.x());
+    const double elevation = std::atan2(beam.z(), beam.head<2>().norm());
+    const double range_m = beam.norm();
+    constexpr double kStep = 1e-6;
+    const double by_elevation = (point_at(azimuth, elevation + kStep, range_m) - p).z() / kStep;
+    const double by_range = (point_at(azimuth, elevation, range_m + kStep) - p).z() / kStep;
+    shared += alone.H(5, 5) * (std::pow(0.3 * M_PI / 180.0 * by_elevation, 2) + std::pow(0.01 * by_range, 2));
+  }
+  ASSERT_GT(shared, 1.0);
+  for (const float factor : matcher.weigh_planes(input, map_, q, t, 1e6 * Matrix6d::Identity()))
+    EXPECT_NEAR(factor * (1.0 + shared), 1.0, 0.02);
+}
+
 TEST_F(Room, DistrustedPlanesWeighLess) {
   MatchInput input = seen_from(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0.0, 0.0, 0.02));
   const auto information = [&] {
@@ -130,7 +179,7 @@ TEST_F(Room, DistrustedPlanesWeighLess) {
                                            Eigen::Vector3d::Zero(), MatchSettings());
   };
   const LidarInformation full = information();
-  input.plane_trust.assign(input.planes.size(), 0.25F);
+  input.plane_factors.assign(input.planes.size(), 0.25F);
   const LidarInformation quarter = information();
   EXPECT_TRUE(quarter.H.isApprox(0.25 * full.H, 1e-9));
   EXPECT_TRUE(quarter.b.isApprox(0.25 * full.b, 1e-9));

@@ -121,6 +121,8 @@ struct MappingConfig {
   double range_bias_m = 0.02;
   double line_radius_m = 0.1;
   double correlation_factor = 4.0;
+  double shared_elevation_error_deg = 0.01;
+  double shared_range_error_m = 0.002;
   double convergence_rotation_rad = 1e-4;
   double convergence_translation_m = 5e-4;
   double keyframe_distance_m = 1.5;

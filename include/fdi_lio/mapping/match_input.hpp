@@ -13,11 +13,12 @@ namespace fdi_lio::mapping {
 /// Features in the body (IMU) frame, ready to be matched.
 struct MatchInput {
   std::vector<Eigen::Vector3d> planes;
-  std::vector<float> plane_trust;  ///< factor on the weight of each plane; empty: 1
+  std::vector<float> plane_factors;  ///< on the weight of each plane; empty: 1
   std::vector<Eigen::Vector3d> edges;
-  std::vector<Eigen::Vector3d> textures;             ///< intensity features
-  std::vector<float> levels;                         ///< their comparable intensities J
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< of the lidar, in the body frame
+  std::vector<Eigen::Vector3d> textures;                 ///< intensity features
+  std::vector<float> levels;                             ///< their comparable intensities J
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();      ///< of the lidar, in the body frame
+  Eigen::Vector3d spin_axis = Eigen::Vector3d::UnitZ();  ///< of the lidar, in the body frame
 };
 
 /// Features of a scan (lidar frame) thinned out for the matcher: the mean of the points in each voxel of

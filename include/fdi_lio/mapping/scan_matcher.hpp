@@ -59,14 +59,24 @@ class ScanMatcher {
                              const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
                              const MatchSettings& settings) const;
 
-  /// Trust in each plane of `input`, in [0, 1], given a predicted pose and its covariance P ([dtheta, dt] as
-  /// in LidarInformation). What moves together with the sensor, as traffic does, looks right point by point:
-  /// from scan to scan it hardly deviates from where the map has it. Many points together show it. The
-  /// planes are put into patches (2 m cubes of the scan, by direction of the normal). Their mean residual m
-  /// = sum(w r) / sum(w), with Jacobian J alike, has the expected variance
+  /// Factor in [0, 1] on the weight of each plane of `input`, given a predicted pose and its covariance P
+  /// ([dtheta, dt] as in LidarInformation): the product of two.
+  ///
+  /// Trust. What moves together with the sensor, as traffic does, looks right point by point: from scan to
+  /// scan it hardly deviates from where the map has it. Many points together show it. The planes are put into
+  /// patches (2 m cubes of the scan, by direction of the normal). Their mean residual m = sum(w r) / sum(w),
+  /// with Jacobian J alike, has the expected variance
   ///   s^2 = correlation_factor / sum(w) + floor^2 + J D P D J',  D = diag(4, 4, 4, 2, 2, 2),
   /// and all planes of the patch get the trust 1 / (1 + m^2 / s^2)^2.
-  std::vector<float> trust_planes(const MatchInput& input, const VoxelMap& plane_map,
+  ///
+  /// Share. Planes of one direction that are near each other (10 m cubes) share what the calibration of the
+  /// beams leaves of their errors, and no number of points averages it out: along the normal n
+  ///   e^2 = (s_e n . l)^2 + (s_r n . d)^2,  s_e, s_r = `mapping.shared_elevation_error`,
+  ///   `.shared_range_error`
+  /// with the direction d of the beam and l, what a point moves by with its beam's elevation [m/rad]. With e
+  /// in their mean all of them together are worth sum(w) / (1 + sum(w e^2) / correlation_factor) instead of
+  /// sum(w), w their weights times their trust: so much less each of them counts.
+  std::vector<float> weigh_planes(const MatchInput& input, const VoxelMap& plane_map,
                                   const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
                                   const Matrix6d& covariance) const;
 
