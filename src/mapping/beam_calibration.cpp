@@ -6,26 +6,22 @@
 
 namespace fdi_lio::mapping {
 
-namespace {
-
-/// Columns: where the point moves with range and elevation of its beam.
-Eigen::Matrix<double, 3, 2> motions(const Eigen::Vector3d& beam_m) {
-  const double range_m = beam_m.norm();
-  const double level_m = beam_m.head<2>().norm();
-  Eigen::Matrix<double, 3, 2> motion = Eigen::Matrix<double, 3, 2>::Zero();
-  if (level_m < 1e-3) return motion;
-  motion.col(0) = beam_m / range_m;
-  motion.col(1) << -beam_m.z() / level_m * beam_m.x(), -beam_m.z() / level_m * beam_m.y(), level_m;
-  return motion;
+Eigen::Matrix<double, 3, 2> beam_motions(const Eigen::Vector3d& beam_m, const Eigen::Vector3d& spin_axis) {
+  const double up_m = beam_m.dot(spin_axis);
+  const Eigen::Vector3d level = beam_m - up_m * spin_axis;
+  const double level_m = level.norm();
+  Eigen::Matrix<double, 3, 2> motions = Eigen::Matrix<double, 3, 2>::Zero();
+  if (level_m < 1e-3) return motions;
+  motions.col(0) = beam_m / beam_m.norm();
+  motions.col(1) = level_m * spin_axis - up_m / level_m * level;
+  return motions;
 }
-
-}  // namespace
 
 void BeamCalibration::observe(std::size_t ring, const Eigen::Vector3d& beam_m,
                               const Eigen::Vector3d& normal_lidar, double residual_m, double variance_m2) {
   if (ring >= beams_.size()) beams_.resize(ring + 1);
   Beam& beam = beams_[ring];
-  const Eigen::Vector2d J = motions(beam_m).transpose() * normal_lidar;
+  const Eigen::Vector2d J = beam_motions(beam_m, Eigen::Vector3d::UnitZ()).transpose() * normal_lidar;
   const double before_m = residual_m + J.dot(beam.error);
   const double weight = 1.0 / (variance_m2 * config_.correlation_factor);
   beam.information += weight * J * J.transpose();
@@ -69,7 +65,8 @@ void BeamCalibration::remove_smooth_part() {
 }
 
 Eigen::Vector3d BeamCalibration::correction(std::size_t ring, const Eigen::Vector3d& beam_m) const {
-  return -motions(beam_m) * (error(ring) + Eigen::Vector2d(0.0, common_elevation_rad_));
+  return -beam_motions(beam_m, Eigen::Vector3d::UnitZ()) *
+         (error(ring) + Eigen::Vector2d(0.0, common_elevation_rad_));
 }
 
 Eigen::Vector2d BeamCalibration::error(std::size_t ring) const {

@@ -52,7 +52,7 @@ Alignment Registration::align(MatchInput input, const LocalMap& map, const Adapt
   settings.plane_weight = adapted.plane_weight;
   settings.edge_weight = adapted.edge_weight;
   settings.intensity_weight = config_.intensity_weight;
-  if (config_.judge_patches && predicted_covariance) {
+  if (predicted_covariance) {
     const imu::NavState& predicted = smoother->newest();
     input.plane_factors = matcher_.weigh_planes(input, map.planes(), predicted.q_odom_imu,
                                                 predicted.t_odom_imu, *predicted_covariance);

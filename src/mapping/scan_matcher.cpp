@@ -8,6 +8,7 @@
 
 #include "fdi_lio/common/key_index.hpp"
 #include "fdi_lio/common/parallel.hpp"
+#include "fdi_lio/mapping/beam_calibration.hpp"
 #include "fdi_lio/mapping/product_sum.hpp"
 
 namespace fdi_lio::mapping {
@@ -250,14 +251,9 @@ Residuals::Residual Residuals::intensity(const Eigen::Vector3d& p_imu, double le
 
 double Residuals::shared_variance(const Eigen::Vector3d& p_imu, const Residual& residual) const {
   const Eigen::Vector3d n = R_.transpose() * residual.gradient;
-  const Eigen::Vector3d beam = p_imu - origin_;
-  const double up_m = beam.dot(spin_axis_);
-  const Eigen::Vector3d level = beam - up_m * spin_axis_;
-  const double level_m = level.norm();
-  if (level_m < 1e-3) return 0.0;
-  const double lift_m = n.dot(level_m * spin_axis_ - up_m / level_m * level);
-  const double elevation_m = mapping_.shared_elevation_error_deg * M_PI / 180.0 * lift_m;
-  const double range_m = mapping_.shared_range_error_m * n.dot(beam.normalized());
+  const Eigen::Vector2d motion = beam_motions(p_imu - origin_, spin_axis_).transpose() * n;
+  const double range_m = mapping_.shared_range_error_m * motion[0];
+  const double elevation_m = mapping_.shared_elevation_error_deg * M_PI / 180.0 * motion[1];
   return elevation_m * elevation_m + range_m * range_m;
 }
 
@@ -317,7 +313,7 @@ struct Groups {
   std::size_t count = 0;
 };
 
-/// `is_signed`: those that face each other are apart.
+/// `is_signed`: apart by the sign of the normal, too, which the cells' principal axes have by chance.
 Groups group_planes(const std::vector<Eigen::Vector3d>& planes, const Distances& distances, double size_m,
                     bool is_signed) {
   KeyIndex numbers;
@@ -422,7 +418,9 @@ std::vector<float> ScanMatcher::weigh_planes(const MatchInput& input, const Voxe
         residuals.distance(input.planes[i], cell, 0, 1, mapping.range_bias_m);
     if (std::abs(residual.value) <= mapping.max_residual_m) found[i] = residual;
   });
-  std::vector<float> factors = trust(input.planes, found, residuals, covariance, mapping.correlation_factor);
+  std::vector<float> factors(found.size(), 1.0F);
+  if (mapping.judge_patches)
+    factors = trust(input.planes, found, residuals, covariance, mapping.correlation_factor);
   share(input.planes, found, residuals, mapping.correlation_factor, &factors);
   return factors;
 }

@@ -36,7 +36,13 @@ TEST(MatchInput, TakesTheMeanOfEachVoxelInTheBodyFrame) {
   EXPECT_EQ(input.levels[2], 0.5F);
   EXPECT_TRUE(input.plane_factors.empty());
   EXPECT_TRUE(input.origin.isApprox(T_imu_lidar.translation()));
-  EXPECT_TRUE(input.spin_axis.isApprox(Eigen::Vector3d::UnitZ()));
+}
+
+TEST(MatchInput, SpinsAboutTheAxisOfTheLidar) {
+  Eigen::Isometry3d T_imu_lidar = Eigen::Isometry3d::Identity();
+  T_imu_lidar.linear() = Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  const MatchInput input = make_match_input(features(), MappingConfig(), T_imu_lidar, 1.0);
+  EXPECT_TRUE(input.spin_axis.isApprox(Eigen::Vector3d(std::sin(0.5), 0.0, std::cos(0.5)), 1e-12));
 }
 
 /// A wall at y = 2.3 m, 40 times scanned against the sense of the angles, with 2 cm of noise along the beams.

@@ -142,6 +142,7 @@ TEST_F(Room, PlanesThatShareErrorsWeighLess) {
   });
   ASSERT_GT(input.planes.size(), 100U);
   Config config;
+  config.mapping.robust_scale = 1e6;
   config.mapping.shared_elevation_error_deg = 0.3;
   config.mapping.shared_range_error_m = 0.01;
   const ScanMatcher matcher(config);
@@ -169,7 +170,7 @@ TEST_F(Room, PlanesThatShareErrorsWeighLess) {
   }
   ASSERT_GT(shared, 1.0);
   for (const float factor : matcher.weigh_planes(input, map_, q, t, 1e6 * Matrix6d::Identity()))
-    EXPECT_NEAR(factor * (1.0 + shared), 1.0, 0.02);
+    EXPECT_NEAR(factor * (1.0 + shared), 1.0, 1e-4);
 }
 
 TEST_F(Room, DistrustedPlanesWeighLess) {

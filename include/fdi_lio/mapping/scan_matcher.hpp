@@ -67,7 +67,7 @@ class ScanMatcher {
   /// patches (2 m cubes of the scan, by direction of the normal). Their mean residual m = sum(w r) / sum(w),
   /// with Jacobian J alike, has the expected variance
   ///   s^2 = correlation_factor / sum(w) + floor^2 + J D P D J',  D = diag(4, 4, 4, 2, 2, 2),
-  /// and all planes of the patch get the trust 1 / (1 + m^2 / s^2)^2.
+  /// and all planes of the patch get the trust 1 / (1 + m^2 / s^2)^2; 1 without `mapping.judge_patches`.
   ///
   /// Share. Planes of one direction that are near each other (10 m cubes) share what the calibration of the
   /// beams leaves of their errors, and no number of points averages it out: along the normal n
