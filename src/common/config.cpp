@@ -244,8 +244,10 @@ void MappingConfig::visit(ParameterVisitor& v) {
          calibrate_beams);
   v.real({"mapping.beam_range_sigma", "m", "expected deviation of the beams' range errors"},
          beam_range_sigma_m, 1e-4, 1.0);
-  v.real({"mapping.beam_elevation_sigma", "deg", "expected deviation of the beams' elevation errors"},
-         beam_elevation_sigma_deg, 1e-4, 1.0);
+  v.real(
+      {"mapping.beam_elevation_sigma", "deg",
+       "expected deviation of the beams' elevation errors; what is smooth of them from beam to beam stays"},
+      beam_elevation_sigma_deg, 1e-4, 1.0);
   v.real({"mapping.common_elevation_sigma", "deg",
           "expected error of elevation that all of 16 beams share, sqrt(16/n) of it for n; gravity shows it "
           "(0: taken as none)"},

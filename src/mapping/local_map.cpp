@@ -37,7 +37,7 @@ void insert_points(const std::vector<Point>& source, const Eigen::Isometry3d& T_
     points.push_back(T_odom_lidar * point.position.cast<double>());
     intensities.push_back(point.intensity);
   }
-  map->insert(points, intensities, T_odom_lidar.translation());
+  map->insert(points, intensities, T_odom_lidar);
 }
 
 }  // namespace

@@ -65,7 +65,7 @@ void insert(const std::vector<PlacedCloud>& clouds, std::vector<Point> KeyframeC
       positions.push_back(placed.T_submap_imu * point.position.cast<double>());
       intensities.push_back(point.intensity);
     }
-    map->insert(positions, intensities, placed.T_submap_imu.translation());
+    map->insert(positions, intensities, placed.T_submap_imu);  // near enough to the lidar for a view
   }
 }
 

@@ -16,6 +16,7 @@ namespace fdi_lio::mapping {
 namespace {
 
 constexpr std::size_t kChunk = 256;
+constexpr double kRadians = M_PI / 180.0;
 /// Plane matches are judged together within cubes of this size [m].
 constexpr double kPatchSize = 2.0;
 /// Within cubes of this size [m] planes share errors.
@@ -132,7 +133,7 @@ class Residuals {
   void add_to_patch(const Eigen::Vector3d& p_imu, const Residual& residual, Patch* patch) const;
   /// Variance of the error along the residual's gradient that the point shares with its neighbours: what the
   /// calibration of the beams leaves of elevation and range.
-  double shared_variance(const Eigen::Vector3d& p_imu, const Residual& residual) const;
+  double shared_variance(const Eigen::Vector3d& p_imu, const Cell& cell, const Residual& residual) const;
   double patch_floor_variance() const { return kPatchFloor * kPatchFloor * range_variance_; }
 
   Eigen::Vector3d in_map(const Eigen::Vector3d& p_imu) const { return R_ * p_imu + t_; }
@@ -249,12 +250,18 @@ Residuals::Residual Residuals::intensity(const Eigen::Vector3d& p_imu, double le
   return residual;
 }
 
-double Residuals::shared_variance(const Eigen::Vector3d& p_imu, const Residual& residual) const {
+double Residuals::shared_variance(const Eigen::Vector3d& p_imu, const Cell& cell,
+                                  const Residual& residual) const {
   const Eigen::Vector3d n = R_.transpose() * residual.gradient;
   const Eigen::Vector2d motion = beam_motions(p_imu - origin_, spin_axis_).transpose() * n;
   const double range_m = mapping_.shared_range_error_m * motion[0];
-  const double elevation_m = mapping_.shared_elevation_error_deg * M_PI / 180.0 * motion[1];
-  return elevation_m * elevation_m + range_m * range_m;
+  const double elevation_m = kRadians * mapping_.shared_elevation_error_deg * motion[1];
+  // What is smooth from beam to beam nobody learns, nor what range errors come from the view. Both cancel
+  // where the cell was seen as now.
+  const double smooth_m =
+      kRadians * mapping_.beam_elevation_sigma_deg * (motion[1] - residual.gradient.dot(cell.lever));
+  return elevation_m * elevation_m + range_m * range_m + smooth_m * smooth_m +
+         view_variance(p_imu, cell, residual.gradient, mapping_.range_bias_m);
 }
 
 void Residuals::add_to_patch(const Eigen::Vector3d& p_imu, const Residual& residual, Patch* patch) const {
@@ -304,24 +311,30 @@ LidarInformation Residuals::finish(const Eigen::Quaterniond& q_odom_imu, const S
   return information;
 }
 
+/// A plane of a scan in the map.
+struct PlaneMatch {
+  Residuals::Residual residual;
+  double shared_variance = 0.0;
+};
+
 /// Of each plane of a scan, where the map has one.
-using Distances = std::vector<std::optional<Residuals::Residual>>;
+using PlaneMatches = std::vector<std::optional<PlaneMatch>>;
 
 /// Planes of a scan that are near each other and face alike.
 struct Groups {
-  std::vector<std::uint32_t> of_plane;  ///< number of the group; of planes without a distance any
+  std::vector<std::uint32_t> of_plane;  ///< number of the group; of planes without a match any
   std::size_t count = 0;
 };
 
 /// `is_signed`: apart by the sign of the normal, too, which the cells' principal axes have by chance.
-Groups group_planes(const std::vector<Eigen::Vector3d>& planes, const Distances& distances, double size_m,
+Groups group_planes(const std::vector<Eigen::Vector3d>& planes, const PlaneMatches& matches, double size_m,
                     bool is_signed) {
   KeyIndex numbers;
   Groups groups;
   groups.of_plane.resize(planes.size(), 0);
   for (std::size_t i = 0; i < planes.size(); ++i) {
-    if (!distances[i]) continue;
-    const Eigen::Vector3d& gradient = distances[i]->gradient;
+    if (!matches[i]) continue;
+    const Eigen::Vector3d& gradient = matches[i]->residual.gradient;
     const Eigen::Vector3d normal = is_signed ? gradient : gradient.cwiseAbs();
     groups.of_plane[i] = numbers.find_or_add(group_key(planes[i], normal, size_m));
     groups.count = std::max<std::size_t>(groups.count, groups.of_plane[i] + 1);
@@ -329,13 +342,13 @@ Groups group_planes(const std::vector<Eigen::Vector3d>& planes, const Distances&
   return groups;
 }
 
-/// Of each plane, by its patch; 1 without a distance.
-std::vector<float> trust(const std::vector<Eigen::Vector3d>& planes, const Distances& distances,
+/// Of each plane, by its patch; 1 without a match.
+std::vector<float> trust(const std::vector<Eigen::Vector3d>& planes, const PlaneMatches& matches,
                          const Residuals& residuals, const Matrix6d& covariance, double correlation_factor) {
-  const Groups groups = group_planes(planes, distances, kPatchSize, true);
+  const Groups groups = group_planes(planes, matches, kPatchSize, true);
   std::vector<Patch> patches(groups.count);
   for (std::size_t i = 0; i < planes.size(); ++i) {
-    if (distances[i]) residuals.add_to_patch(planes[i], *distances[i], &patches[groups.of_plane[i]]);
+    if (matches[i]) residuals.add_to_patch(planes[i], matches[i]->residual, &patches[groups.of_plane[i]]);
   }
   std::vector<float> of_patch;
   of_patch.reserve(patches.size());
@@ -345,24 +358,23 @@ std::vector<float> trust(const std::vector<Eigen::Vector3d>& planes, const Dista
   }
   std::vector<float> factors(planes.size(), 1.0F);
   for (std::size_t i = 0; i < planes.size(); ++i) {
-    if (distances[i]) factors[i] = of_patch[groups.of_plane[i]];
+    if (matches[i]) factors[i] = of_patch[groups.of_plane[i]];
   }
   return factors;
 }
 
 /// Makes the planes of a group together worth no more than their mean with the errors that they share.
-void share(const std::vector<Eigen::Vector3d>& planes, const Distances& distances, const Residuals& residuals,
-           double correlation_factor, std::vector<float>* factors) {
-  const Groups groups = group_planes(planes, distances, kShareSize, false);
+void share(const std::vector<Eigen::Vector3d>& planes, const PlaneMatches& matches, double correlation_factor,
+           std::vector<float>* factors) {
+  const Groups groups = group_planes(planes, matches, kShareSize, false);
   std::vector<double> shared(groups.count, 0.0);  // variance, in that of what chance leaves of the mean
   for (std::size_t i = 0; i < planes.size(); ++i) {
-    if (!distances[i]) continue;
-    const double weight = static_cast<double>((*factors)[i]) / distances[i]->variance;
-    shared[groups.of_plane[i]] +=
-        weight * residuals.shared_variance(planes[i], *distances[i]) / correlation_factor;
+    if (!matches[i]) continue;
+    const double weight = static_cast<double>((*factors)[i]) / matches[i]->residual.variance;
+    shared[groups.of_plane[i]] += weight * matches[i]->shared_variance / correlation_factor;
   }
   for (std::size_t i = 0; i < planes.size(); ++i) {
-    if (distances[i]) (*factors)[i] /= static_cast<float>(1.0 + shared[groups.of_plane[i]]);
+    if (matches[i]) (*factors)[i] /= static_cast<float>(1.0 + shared[groups.of_plane[i]]);
   }
 }
 
@@ -409,19 +421,20 @@ std::vector<float> ScanMatcher::weigh_planes(const MatchInput& input, const Voxe
   const MappingConfig& mapping = config_.mapping;
   const MatchSettings settings;
   const Residuals residuals(config_, input, q_odom_imu, t_odom_imu, settings);
-  Distances found(input.planes.size());
+  PlaneMatches found(input.planes.size());
   const auto find = [&](const Eigen::Vector3d* points, std::size_t count, const Cell** cells) {
     plane_map.find_planes(points, count, false, cells);
   };
   residuals.for_each_match(input.planes, find, [&](std::size_t i, const Cell& cell, std::size_t) {
     const Residuals::Residual residual =
         residuals.distance(input.planes[i], cell, 0, 1, mapping.range_bias_m);
-    if (std::abs(residual.value) <= mapping.max_residual_m) found[i] = residual;
+    if (std::abs(residual.value) > mapping.max_residual_m) return;
+    found[i] = PlaneMatch{residual, residuals.shared_variance(input.planes[i], cell, residual)};
   });
   std::vector<float> factors(found.size(), 1.0F);
   if (mapping.judge_patches)
     factors = trust(input.planes, found, residuals, covariance, mapping.correlation_factor);
-  share(input.planes, found, residuals, mapping.correlation_factor, &factors);
+  share(input.planes, found, mapping.correlation_factor, &factors);
   return factors;
 }
 

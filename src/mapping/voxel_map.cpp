@@ -7,6 +7,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "fdi_lio/common/parallel.hpp"
+#include "fdi_lio/mapping/beam_calibration.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -62,11 +63,13 @@ std::int64_t floor_of(double value) {
 
 }  // namespace
 
-/// A point with its intensity, and the unit vector from the sensor to it.
+/// A point with its intensity, the unit vector from the sensor to it, and what it moves by with the elevation
+/// of its beam.
 struct VoxelMap::Sighting {
   Eigen::Vector3d point;
   float intensity;
   Eigen::Vector3d direction;
+  Eigen::Vector3d lever;
 
   void add_to(Cell* cell) const;
 };
@@ -75,6 +78,7 @@ struct VoxelMap::Sighting {
 void VoxelMap::Sighting::add_to(Cell* cell) const {
   ++cell->count;
   cell->view += (direction - cell->view) / cell->count;
+  cell->lever += (lever - cell->lever) / cell->count;
   const Eigen::Vector3d before = point - cell->mean;
   cell->mean += before / cell->count;
   cell->scatter += before * (point - cell->mean).transpose();
@@ -128,7 +132,9 @@ VoxelMap::Block* VoxelMap::block_at(Key key) {
 }
 
 void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vector<float>& intensities,
-                      const Eigen::Vector3d& origin) {
+                      const Eigen::Isometry3d& T_map_lidar) {
+  const Eigen::Vector3d origin = T_map_lidar.translation();
+  const Eigen::Vector3d spin_axis = T_map_lidar.linear().col(2);
   std::vector<Dirty> dirty;
   ++scans_;
   std::array<Address, kGroup> addresses;
@@ -155,7 +161,8 @@ void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vec
     }
     for (std::size_t k = 0; k < size; ++k) {
       const Eigen::Vector3d& point = points[first + k];
-      const Sighting sighting{point, intensities[first + k], (point - origin).normalized()};
+      const Sighting sighting{point, intensities[first + k], (point - origin).normalized(),
+                              beam_motions(point - origin, spin_axis).col(1)};
       for (const int slot : addresses[k].slots) add(sighting, slot, &blocks[k]->cells[slot], &dirty);
     }
   }

@@ -58,7 +58,7 @@ TEST(BeamCorrection, TakesOutTheErrorOfOneRing) {
     std::vector<Eigen::Vector3d> points;
     for (const Point& point : corrected.planes)
       points.push_back(state.T_odom_imu() * point.position.cast<double>());
-    map.insert(points, std::vector<float>(points.size(), 0.0F), state.t_odom_imu);
+    map.insert(points, std::vector<float>(points.size(), 0.0F), state.T_odom_imu());
   }
   imu::NavState moving;
   moving.v_odom.x() = 5.0;

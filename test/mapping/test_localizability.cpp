@@ -73,7 +73,7 @@ Localizability at_origin(const Surface& surface, const Sampling& sampling, doubl
   std::vector<Eigen::Vector3d> points(sampling.map_points);
   for (Eigen::Vector3d& point : points) point = sample();
   VoxelMap map{VoxelMapConfig()};
-  map.insert(points, std::vector<float>(points.size(), 0.0F), Eigen::Vector3d::Zero());
+  map.insert(points, std::vector<float>(points.size(), 0.0F), Eigen::Isometry3d::Identity());
   MatchInput input;
   for (std::size_t k = 0; k < sampling.scan_points; ++k) input.planes.push_back(q.conjugate() * sample());
   Config config;

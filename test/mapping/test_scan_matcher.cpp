@@ -22,7 +22,8 @@ class Room : public testing::Test {
       p[k % 3] = 0.2 + normal(generator);
       points_.push_back(p);
     }
-    map_.insert(points_, std::vector<float>(points_.size(), 0.0F), Eigen::Vector3d(2.0, 2.0, 2.0));
+    map_.insert(points_, std::vector<float>(points_.size(), 0.0F),
+                Eigen::Isometry3d(Eigen::Translation3d(2.0, 2.0, 2.0)));
   }
 
   /// Every 50th point, seen from the given pose.
@@ -99,6 +100,8 @@ TEST_F(Room, APatchThatContradictsThePredictionLosesTrust) {
   Config config;
   config.mapping.shared_elevation_error_deg = 0.0;
   config.mapping.shared_range_error_m = 0.0;
+  config.mapping.beam_elevation_sigma_deg = 1e-4;
+  config.mapping.range_bias_m = 0.0;
   const ScanMatcher matcher(config);
   const auto mean_trust = [&](const Matrix6d& covariance) {
     const std::vector<float> trust = matcher.weigh_planes(input, map_, Eigen::Quaterniond::Identity(),
@@ -130,7 +133,8 @@ TEST_F(Room, APatchThatContradictsThePredictionLosesTrust) {
 
 // Errors of elevation and range that all planes of a wall share, by numeric derivatives of the beams' angles:
 // with h_i the information of each alone across the wall and e_i what the errors move it by, together they
-// are worth 1 / (1 + sum h_i e_i^2) of the sum of h_i.
+// are worth 1 / (1 + sum h_i e_i^2) of the sum of h_i. Of the parts that are smooth from beam to beam, and
+// that come from the view, the difference to what they moved the cell by counts.
 TEST_F(Room, PlanesThatShareErrorsWeighLess) {
   MatchInput input;
   input.origin = Eigen::Vector3d(0.5, -0.3, 1.2);
@@ -145,6 +149,8 @@ TEST_F(Room, PlanesThatShareErrorsWeighLess) {
   config.mapping.robust_scale = 1e6;
   config.mapping.shared_elevation_error_deg = 0.3;
   config.mapping.shared_range_error_m = 0.01;
+  config.mapping.beam_elevation_sigma_deg = 0.2;
+  config.mapping.range_bias_m = 0.04;
   const ScanMatcher matcher(config);
   const Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
   const Eigen::Vector3d t = Eigen::Vector3d::Zero();
@@ -155,6 +161,8 @@ TEST_F(Room, PlanesThatShareErrorsWeighLess) {
     return Eigen::Vector3d(input.origin + q_imu_lidar * (range_m * direction));
   };
   double shared = 0.0;
+  double smooth = 0.0;
+  double viewed = 0.0;
   for (const Eigen::Vector3d& p : input.planes) {
     MatchInput single = input;
     single.planes = {p};
@@ -164,13 +172,22 @@ TEST_F(Room, PlanesThatShareErrorsWeighLess) {
     const double elevation = std::atan2(beam.z(), beam.head<2>().norm());
     const double range_m = beam.norm();
     constexpr double kStep = 1e-6;
-    const double by_elevation = (point_at(azimuth, elevation + kStep, range_m) - p).z() / kStep;
-    const double by_range = (point_at(azimuth, elevation, range_m + kStep) - p).z() / kStep;
-    shared += alone.H(5, 5) * (std::pow(0.3 * M_PI / 180.0 * by_elevation, 2) + std::pow(0.01 * by_range, 2));
+    const Eigen::Vector3d lever = (point_at(azimuth, elevation + kStep, range_m) - p) / kStep;
+    const Eigen::Vector3d direction = (point_at(azimuth, elevation, range_m + kStep) - p) / kStep;
+    const Cell* cell = map_.find_plane(p, false);
+    ASSERT_NE(cell, nullptr);
+    const Eigen::Vector3d n = cell->axes.col(0);
+    const double by_smooth = n.dot(lever - cell->lever);
+    shared += alone.H(5, 5) *
+              (std::pow(0.3 * M_PI / 180.0 * n.dot(lever), 2) + std::pow(0.01 * n.dot(direction), 2));
+    smooth += alone.H(5, 5) * std::pow(0.2 * M_PI / 180.0 * by_smooth, 2);
+    viewed += alone.H(5, 5) * std::pow(0.04 * n.dot(direction - cell->view), 2);
   }
   ASSERT_GT(shared, 1.0);
+  ASSERT_GT(smooth, 1.0);
+  ASSERT_GT(viewed, 1.0);
   for (const float factor : matcher.weigh_planes(input, map_, q, t, 1e6 * Matrix6d::Identity()))
-    EXPECT_NEAR(factor * (1.0 + shared), 1.0, 1e-4);
+    EXPECT_NEAR(factor * (1.0 + shared + smooth + viewed), 1.0, 1e-4);
 }
 
 TEST_F(Room, DistrustedPlanesWeighLess) {
@@ -220,7 +237,8 @@ Eigen::Vector2d information_of_pole(double line_radius_m, const Eigen::Vector3d&
   const Eigen::Vector2d foot(8.2, 0.2);
   VoxelMap edges(VoxelMapConfig{});
   const auto known = near_side(foot, 0.05, Eigen::Vector3d(0.0, 0.2, 0.0));
-  edges.insert(known, std::vector<float>(known.size(), 0.0F), Eigen::Vector3d(0.0, 0.2, 0.6));
+  edges.insert(known, std::vector<float>(known.size(), 0.0F),
+               Eigen::Isometry3d(Eigen::Translation3d(0.0, 0.2, 0.6)));
   Config config;
   config.sensor.beam_angle_noise_deg = 0.0;
   config.mapping.robust_scale = 1e6;
@@ -286,7 +304,8 @@ double measured_way(double line_radius_m) {
     const auto insert = [&](const std::vector<Eigen::Vector3d>& points, VoxelMap* map) {
       std::vector<Eigen::Vector3d> placed;
       for (const Eigen::Vector3d& p : points) placed.push_back(q * p + t);
-      map->insert(placed, std::vector<float>(placed.size(), 0.0F), t);
+      map->insert(placed, std::vector<float>(placed.size(), 0.0F),
+                  Eigen::Isometry3d(Eigen::Translation3d(t)));
     };
     insert(input.planes, &planes);
     insert(input.edges, &edges);

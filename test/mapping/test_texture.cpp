@@ -39,8 +39,8 @@ class Wall {
         points.emplace_back(0.2 + 0.005 * normal(generator_), uniform(generator_), uniform(generator_));
         levels.push_back(static_cast<float>(paint(points.back()) + intensity_noise * normal(generator_)));
       }
-      planes_.insert(points, levels, Eigen::Vector3d::Zero());
-      textures_.insert(points, levels, Eigen::Vector3d::Zero());
+      planes_.insert(points, levels, Eigen::Isometry3d::Identity());
+      textures_.insert(points, levels, Eigen::Isometry3d::Identity());
     }
     for (int k = 0; k < 600; ++k) {
       seen_.emplace_back(0.2, 0.5 + 0.75 * uniform(generator_), 0.5 + 0.75 * uniform(generator_));
@@ -136,7 +136,7 @@ TEST(Texture, CellThatIsFullAfterOneScanHasItsTextureAfterThree) {
   const Eigen::Vector3d middle(0.2, 0.2, 0.2);
   for (int scan = 1; scan <= 3; ++scan) {
     EXPECT_EQ(texture_at(map, middle), nullptr) << "before scan " << scan;
-    map.insert(points, levels, Eigen::Vector3d::Zero());
+    map.insert(points, levels, Eigen::Isometry3d::Identity());
     EXPECT_EQ(map.find_plane(middle, false)->count, VoxelMapConfig().max_points);
   }
   const Cell* cell = texture_at(map, middle);
@@ -153,7 +153,7 @@ TEST(Texture, MapWithoutTextureFindsNone) {
       points.emplace_back(0.2, 0.012 * k, 0.05 * (k % 7) + 0.01 * scan);
       levels.push_back(static_cast<float>(k));
     }
-    map.insert(points, levels, Eigen::Vector3d::Zero());
+    map.insert(points, levels, Eigen::Isometry3d::Identity());
   }
   EXPECT_NE(map.find_plane(Eigen::Vector3d(0.2, 0.2, 0.2), false), nullptr);
   EXPECT_EQ(texture_at(map, Eigen::Vector3d(0.2, 0.2, 0.2)), nullptr);

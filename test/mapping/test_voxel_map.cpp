@@ -23,7 +23,7 @@ std::vector<Eigen::Vector3d> plane_points(std::size_t count, const Eigen::Vector
 }
 
 void insert(const std::vector<Eigen::Vector3d>& points, VoxelMap* map) {
-  map->insert(points, std::vector<float>(points.size(), 1.0F), Eigen::Vector3d::Zero());
+  map->insert(points, std::vector<float>(points.size(), 1.0F), Eigen::Isometry3d::Identity());
 }
 
 TEST(VoxelMap, PlaneIsThatOfABruteForceFit) {
@@ -50,20 +50,41 @@ TEST(VoxelMap, PlaneIsThatOfABruteForceFit) {
   EXPECT_NEAR(std::sqrt(cell->variances[0]), 0.01, 0.004);
 }
 
-TEST(VoxelMap, ViewIsTheMeanDirectionFromTheSensor) {
+/// What a point moves by, per radian, when its beam rises towards the z axis of a lidar: by the numeric
+/// derivative of polar coordinates.
+Eigen::Vector3d lever_of(const Eigen::Vector3d& point, const Eigen::Isometry3d& T_map_lidar) {
+  const Eigen::Vector3d beam = T_map_lidar.inverse() * point;
+  const double azimuth = std::atan2(beam.y(), beam.x());
+  const auto risen_by = [&](double angle) {
+    const double elevation = std::atan2(beam.z(), beam.head<2>().norm()) + angle;
+    const Eigen::Vector3d direction(std::cos(elevation) * std::cos(azimuth),
+                                    std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
+    return Eigen::Vector3d(T_map_lidar * Eigen::Vector3d(beam.norm() * direction));
+  };
+  constexpr double kStep = 1e-5;
+  return (risen_by(kStep) - risen_by(-kStep)) / (2.0 * kStep);
+}
+
+TEST(VoxelMap, ViewAndLeverAreMeansOfWhatTheSensorSaw) {
   const Eigen::Vector3d center(10.2, -3.4, 1.0);
   const auto points = plane_points(40, center, Eigen::Matrix3d::Identity(), 0.1, 0.01);
   VoxelMap map(VoxelMapConfig{});
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  const std::vector<Eigen::Vector3d> origins{{4.0, -3.0, 2.0}, {10.0, -9.0, 2.0}};
-  for (const Eigen::Vector3d& origin : origins) {
-    map.insert(points, std::vector<float>(points.size(), 1.0F), origin);
-    for (const Eigen::Vector3d& point : points) sum += (point - origin) / (point - origin).norm();
+  Eigen::Vector3d directions = Eigen::Vector3d::Zero();
+  Eigen::Vector3d levers = Eigen::Vector3d::Zero();
+  const Eigen::AngleAxisd tilt(0.4, Eigen::Vector3d(1.0, 2.0, 0.5).normalized());
+  for (const Eigen::Vector3d& origin : {Eigen::Vector3d(4.0, -3.0, 2.0), Eigen::Vector3d(10.0, -9.0, 2.0)}) {
+    const Eigen::Isometry3d T_map_lidar = Eigen::Translation3d(origin) * tilt;
+    map.insert(points, std::vector<float>(points.size(), 1.0F), T_map_lidar);
+    for (const Eigen::Vector3d& point : points) {
+      directions += (point - origin) / (point - origin).norm();
+      levers += lever_of(point, T_map_lidar);
+    }
   }
   const Cell* cell = map.find_plane(center, false);
   ASSERT_NE(cell, nullptr);
   ASSERT_EQ(cell->count, 2 * points.size());
-  EXPECT_LT((cell->view - sum / cell->count).norm(), 1e-12);
+  EXPECT_LT((cell->view - directions / cell->count).norm(), 1e-12);
+  EXPECT_LT((cell->lever - levers / cell->count).norm(), 1e-7);
 }
 
 TEST(VoxelMap, SparsePointsAreFoundOnACoarserLevel) {
@@ -142,14 +163,14 @@ TEST(VoxelMap, ForgetsCellsThatWereNeverFilledAndKeepsWalls) {
   const std::size_t wall = map.cell_count();
   for (int scan = 0; scan < 500; ++scan) {
     const Eigen::Vector3d passing(0.2 + 0.1 * scan, 3.0, 0.2);
-    map.insert({passing}, {0.5F}, Eigen::Vector3d::Zero());
+    map.insert({passing}, {0.5F}, Eigen::Isometry3d::Identity());
   }
   const std::size_t with_traces = map.cell_count();
   EXPECT_GT(with_traces, wall + 200);
   map.tidy(Eigen::Vector3d::Zero(), 100.0);
   EXPECT_EQ(map.cell_count(), with_traces) << "all were met within 600 insertions";
   for (int scan = 0; scan < 700; ++scan)
-    map.insert({Eigen::Vector3d(-5.0, 3.0, 0.2)}, {0.5F}, Eigen::Vector3d::Zero());
+    map.insert({Eigen::Vector3d(-5.0, 3.0, 0.2)}, {0.5F}, Eigen::Isometry3d::Identity());
   map.tidy(Eigen::Vector3d::Zero(), 100.0);
   EXPECT_NE(map.find_plane(Eigen::Vector3d(0.2, 0.2, 0.2), false), nullptr);
   // Four points in each of the 125 finest cells are too few; those of 63 middle and 32 coarsest cells are

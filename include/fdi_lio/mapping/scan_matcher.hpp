@@ -71,10 +71,12 @@ class ScanMatcher {
   ///
   /// Share. Planes of one direction that are near each other (10 m cubes) share what the calibration of the
   /// beams leaves of their errors, and no number of points averages it out: along the normal n
-  ///   e^2 = (s_e n . l)^2 + (s_r n . d)^2,  s_e, s_r = `mapping.shared_elevation_error`,
-  ///   `.shared_range_error`
-  /// with the direction d of the beam and l, what a point moves by with its beam's elevation [m/rad]. With e
-  /// in their mean all of them together are worth sum(w) / (1 + sum(w e^2) / correlation_factor) instead of
+  ///   e^2 = (s_e n . l)^2 + (s_r n . d)^2 + (s_b n . (l - l_c))^2 + (s_v n . (d - v))^2,
+  ///   s_e, s_r = `mapping.shared_elevation_error`, `.shared_range_error`,
+  ///   s_b, s_v = `mapping.beam_elevation_sigma`, `.range_bias`
+  /// with the direction d of the beam and l, what a point moves by with its beam's elevation [m/rad], and
+  /// with the means v and l_c of both over the points of the cell that the plane was matched with. With e in
+  /// their mean all of them together are worth sum(w) / (1 + sum(w e^2) / correlation_factor) instead of
   /// sum(w), w their weights times their trust: so much less each of them counts.
   std::vector<float> weigh_planes(const MatchInput& input, const VoxelMap& plane_map,
                                   const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "fdi_lio/common/key_index.hpp"
 
@@ -23,6 +24,8 @@ struct Cell {
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();   ///< columns, smallest variance first
   /// Mean of the unit vectors from the sensor to the points (map frame): the side that they were seen from.
   Eigen::Vector3d view = Eigen::Vector3d::Zero();
+  /// Mean of what the points move by with the elevation of their beams (map frame) [m/rad].
+  Eigen::Vector3d lever = Eigen::Vector3d::Zero();
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();  ///< sum of squared deviations from the mean
   float mean_intensity = 0.0F;
   std::uint32_t listed_at = 0;     ///< number of the newest insertion after which the axes are computed again
@@ -87,9 +90,9 @@ class VoxelMap {
  public:
   explicit VoxelMap(const VoxelMapConfig& config);
 
-  /// Adds points (map frame) with their intensities (same size), seen from `origin`.
+  /// Adds points (map frame) with their intensities (same size), seen by a lidar that spins about its z axis.
   void insert(const std::vector<Eigen::Vector3d>& points, const std::vector<float>& intensities,
-              const Eigen::Vector3d& origin);
+              const Eigen::Isometry3d& T_map_lidar);
 
   /// The finest cell around each of `count` points that is a plane; nullptr where there is none. With `wide`
   /// also the planes of the neighbouring coarsest cells, the nearest to the point. Many at once wait for
