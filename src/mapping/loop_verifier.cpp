@@ -65,7 +65,8 @@ void insert(const std::vector<PlacedCloud>& clouds, std::vector<Point> KeyframeC
       positions.push_back(placed.T_submap_imu * point.position.cast<double>());
       intensities.push_back(point.intensity);
     }
-    map->insert(positions, intensities, placed.T_submap_imu);  // near enough to the lidar for a view
+    // The IMU stands for the lidar: only weights ask for the view, and nothing here for the lever.
+    map->insert(positions, intensities, placed.T_submap_imu);
   }
 }
 

@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
-#include <optional>
 
-#include "fdi_lio/common/key_index.hpp"
 #include "fdi_lio/common/parallel.hpp"
-#include "fdi_lio/mapping/beam_calibration.hpp"
+#include "fdi_lio/mapping/beam_motions.hpp"
+#include "fdi_lio/mapping/plane_weights.hpp"
 #include "fdi_lio/mapping/product_sum.hpp"
 
 namespace fdi_lio::mapping {
@@ -17,19 +15,6 @@ namespace {
 
 constexpr std::size_t kChunk = 256;
 constexpr double kRadians = M_PI / 180.0;
-/// Plane matches are judged together within cubes of this size [m].
-constexpr double kPatchSize = 2.0;
-/// Within cubes of this size [m] planes share errors.
-constexpr double kShareSize = 10.0;
-/// What a patch's mean may deviate by beyond the prediction's error, as a share of the deviation of one
-/// point: beams and surfaces have errors that averaging does not take away.
-constexpr double kPatchFloor = 0.25;
-/// The prediction's own deviations of position count twice: they know nothing of the errors that scans and
-/// map share. Those of rotation count four times: clocks and mountings are not known as well as stated,
-/// either.
-constexpr double kPositionFactor = 2.0;
-constexpr double kRotationFactor = 4.0;
-
 /// Normal equations of some residuals.
 struct Sum {
   ProductSum products;
@@ -67,46 +52,6 @@ double robust_weight(double residual, double variance, double scale) {
   return 1.0 / (1.0 + residual * residual / (variance * scale * scale));
 }
 
-/// Mean residual of the plane matches of one part of the scan.
-class Patch {
- public:
-  void add(double weight, double residual, const Vector6d& J) {
-    weight_ += weight;
-    residual_ += weight * residual;
-    jacobian_ += weight * J;
-  }
-
-  /// 1 where the mean is what the pose's covariance and chance allow, a quarter where it is one deviation of
-  /// these, towards 0 beyond.
-  double trust(const Matrix6d& covariance, double correlation_factor, double floor_variance) const {
-    const double mean = residual_ / weight_;
-    Vector6d J = jacobian_ / weight_;
-    J.head<3>() *= kRotationFactor;
-    J.tail<3>() *= kPositionFactor;
-    const double variance = correlation_factor / weight_ + floor_variance + J.dot(covariance * J);
-    const double excess = 1.0 + mean * mean / variance;
-    return 1.0 / (excess * excess);
-  }
-
- private:
-  double weight_ = 0.0;
-  double residual_ = 0.0;
-  Vector6d jacobian_ = Vector6d::Zero();
-};
-
-/// The group of a plane: the cube of `size_m` that it lies in, and the signed axis that its normal is nearest
-/// to.
-std::uint64_t group_key(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& normal, double size_m) {
-  Eigen::Index nearest = 0;
-  normal.cwiseAbs().maxCoeff(&nearest);
-  auto key = static_cast<std::uint64_t>(2 * nearest + (normal[nearest] > 0.0 ? 1 : 0));
-  for (int axis = 0; axis < 3; ++axis) {
-    const auto cell = static_cast<std::int64_t>(std::floor(p_imu[axis] / size_m));
-    key = (key << 20) | (static_cast<std::uint64_t>(cell) & 0xfffff);
-  }
-  return key;
-}
-
 /// Residuals of a scan at one pose.
 class Residuals {
  public:
@@ -130,11 +75,9 @@ class Residuals {
   Residual intensity(const Eigen::Vector3d& p_imu, double level, const Cell& cell) const;
   void add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residual& residual, double weight,
            Sum* sum) const;
-  void add_to_patch(const Eigen::Vector3d& p_imu, const Residual& residual, Patch* patch) const;
-  /// Variance of the error along the residual's gradient that the point shares with its neighbours: what the
-  /// calibration of the beams leaves of elevation and range.
-  double shared_variance(const Eigen::Vector3d& p_imu, const Cell& cell, const Residual& residual) const;
-  double patch_floor_variance() const { return kPatchFloor * kPatchFloor * range_variance_; }
+  /// The point's match with a plane of the map.
+  PlaneMatch plane_match(const Eigen::Vector3d& p_imu, const Cell& cell, const Residual& distance) const;
+  double range_variance() const { return range_variance_; }
 
   Eigen::Vector3d in_map(const Eigen::Vector3d& p_imu) const { return R_ * p_imu + t_; }
 
@@ -155,6 +98,10 @@ class Residuals {
   double point_variance(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& n) const;
   double view_variance(const Eigen::Vector3d& p_imu, const Cell& cell, const Eigen::Vector3d& n,
                        double depth_sigma_m) const;
+  /// Variance of the error along the unit vector n (map frame) that the point shares with its neighbours:
+  /// what the calibration of the beams leaves of elevation and range, and what its view and the cell's differ
+  /// by.
+  double shared_variance(const Eigen::Vector3d& p_imu, const Cell& cell, const Eigen::Vector3d& n) const;
 
   const MappingConfig& mapping_;
   const MatchSettings& settings_;
@@ -251,21 +198,26 @@ Residuals::Residual Residuals::intensity(const Eigen::Vector3d& p_imu, double le
 }
 
 double Residuals::shared_variance(const Eigen::Vector3d& p_imu, const Cell& cell,
-                                  const Residual& residual) const {
-  const Eigen::Vector3d n = R_.transpose() * residual.gradient;
-  const Eigen::Vector2d motion = beam_motions(p_imu - origin_, spin_axis_).transpose() * n;
+                                  const Eigen::Vector3d& n) const {
+  const Eigen::Vector2d motion = beam_motions(p_imu - origin_, spin_axis_).transpose() * (R_.transpose() * n);
   const double range_m = mapping_.shared_range_error_m * motion[0];
   const double elevation_m = kRadians * mapping_.shared_elevation_error_deg * motion[1];
   // What is smooth from beam to beam nobody learns, nor what range errors come from the view. Both cancel
   // where the cell was seen as now.
-  const double smooth_m =
-      kRadians * mapping_.beam_elevation_sigma_deg * (motion[1] - residual.gradient.dot(cell.lever));
+  const double smooth_m = kRadians * mapping_.beam_elevation_sigma_deg * (motion[1] - n.dot(cell.lever));
   return elevation_m * elevation_m + range_m * range_m + smooth_m * smooth_m +
-         view_variance(p_imu, cell, residual.gradient, mapping_.range_bias_m);
+         view_variance(p_imu, cell, n, mapping_.range_bias_m);
 }
 
-void Residuals::add_to_patch(const Eigen::Vector3d& p_imu, const Residual& residual, Patch* patch) const {
-  patch->add(1.0 / residual.variance, residual.value, jacobian(p_imu, residual.gradient));
+PlaneMatch Residuals::plane_match(const Eigen::Vector3d& p_imu, const Cell& cell,
+                                  const Residual& distance) const {
+  PlaneMatch match;
+  match.normal = distance.gradient;
+  match.residual_m = distance.value;
+  match.variance = distance.variance;
+  match.jacobian = jacobian(p_imu, distance.gradient);
+  match.shared_variance = shared_variance(p_imu, cell, distance.gradient);
+  return match;
 }
 
 template <typename Find, typename Use>
@@ -309,73 +261,6 @@ LidarInformation Residuals::finish(const Eigen::Quaterniond& q_odom_imu, const S
   information.radius_m =
       std::sqrt(std::max(0.0, sum.second_moment / count - information.centroid_imu.squaredNorm()));
   return information;
-}
-
-/// A plane of a scan in the map.
-struct PlaneMatch {
-  Residuals::Residual residual;
-  double shared_variance = 0.0;
-};
-
-/// Of each plane of a scan, where the map has one.
-using PlaneMatches = std::vector<std::optional<PlaneMatch>>;
-
-/// Planes of a scan that are near each other and face alike.
-struct Groups {
-  std::vector<std::uint32_t> of_plane;  ///< number of the group; of planes without a match any
-  std::size_t count = 0;
-};
-
-/// `is_signed`: apart by the sign of the normal, too, which the cells' principal axes have by chance.
-Groups group_planes(const std::vector<Eigen::Vector3d>& planes, const PlaneMatches& matches, double size_m,
-                    bool is_signed) {
-  KeyIndex numbers;
-  Groups groups;
-  groups.of_plane.resize(planes.size(), 0);
-  for (std::size_t i = 0; i < planes.size(); ++i) {
-    if (!matches[i]) continue;
-    const Eigen::Vector3d& gradient = matches[i]->residual.gradient;
-    const Eigen::Vector3d normal = is_signed ? gradient : gradient.cwiseAbs();
-    groups.of_plane[i] = numbers.find_or_add(group_key(planes[i], normal, size_m));
-    groups.count = std::max<std::size_t>(groups.count, groups.of_plane[i] + 1);
-  }
-  return groups;
-}
-
-/// Of each plane, by its patch; 1 without a match.
-std::vector<float> trust(const std::vector<Eigen::Vector3d>& planes, const PlaneMatches& matches,
-                         const Residuals& residuals, const Matrix6d& covariance, double correlation_factor) {
-  const Groups groups = group_planes(planes, matches, kPatchSize, true);
-  std::vector<Patch> patches(groups.count);
-  for (std::size_t i = 0; i < planes.size(); ++i) {
-    if (matches[i]) residuals.add_to_patch(planes[i], matches[i]->residual, &patches[groups.of_plane[i]]);
-  }
-  std::vector<float> of_patch;
-  of_patch.reserve(patches.size());
-  for (const Patch& patch : patches) {
-    of_patch.push_back(
-        static_cast<float>(patch.trust(covariance, correlation_factor, residuals.patch_floor_variance())));
-  }
-  std::vector<float> factors(planes.size(), 1.0F);
-  for (std::size_t i = 0; i < planes.size(); ++i) {
-    if (matches[i]) factors[i] = of_patch[groups.of_plane[i]];
-  }
-  return factors;
-}
-
-/// Makes the planes of a group together worth no more than their mean with the errors that they share.
-void share(const std::vector<Eigen::Vector3d>& planes, const PlaneMatches& matches, double correlation_factor,
-           std::vector<float>* factors) {
-  const Groups groups = group_planes(planes, matches, kShareSize, false);
-  std::vector<double> shared(groups.count, 0.0);  // variance, in that of what chance leaves of the mean
-  for (std::size_t i = 0; i < planes.size(); ++i) {
-    if (!matches[i]) continue;
-    const double weight = static_cast<double>((*factors)[i]) / matches[i]->residual.variance;
-    shared[groups.of_plane[i]] += weight * matches[i]->shared_variance / correlation_factor;
-  }
-  for (std::size_t i = 0; i < planes.size(); ++i) {
-    if (matches[i]) (*factors)[i] /= static_cast<float>(1.0 + shared[groups.of_plane[i]]);
-  }
 }
 
 }  // namespace
@@ -428,13 +313,15 @@ std::vector<float> ScanMatcher::weigh_planes(const MatchInput& input, const Voxe
   residuals.for_each_match(input.planes, find, [&](std::size_t i, const Cell& cell, std::size_t) {
     const Residuals::Residual residual =
         residuals.distance(input.planes[i], cell, 0, 1, mapping.range_bias_m);
-    if (std::abs(residual.value) > mapping.max_residual_m) return;
-    found[i] = PlaneMatch{residual, residuals.shared_variance(input.planes[i], cell, residual)};
+    if (std::abs(residual.value) <= mapping.max_residual_m)
+      found[i] = residuals.plane_match(input.planes[i], cell, residual);
   });
   std::vector<float> factors(found.size(), 1.0F);
-  if (mapping.judge_patches)
-    factors = trust(input.planes, found, residuals, covariance, mapping.correlation_factor);
-  share(input.planes, found, mapping.correlation_factor, &factors);
+  if (mapping.judge_patches) {
+    factors = trust_planes(input.planes, found,
+                           {covariance, residuals.range_variance(), mapping.correlation_factor});
+  }
+  share_errors(input.planes, found, mapping.correlation_factor, &factors);
   return factors;
 }
 

@@ -7,7 +7,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "fdi_lio/common/parallel.hpp"
-#include "fdi_lio/mapping/beam_calibration.hpp"
+#include "fdi_lio/mapping/beam_motions.hpp"
 
 namespace fdi_lio::mapping {
 

@@ -59,25 +59,16 @@ class ScanMatcher {
                              const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
                              const MatchSettings& settings) const;
 
-  /// Factor in [0, 1] on the weight of each plane of `input`, given a predicted pose and its covariance P
-  /// ([dtheta, dt] as in LidarInformation): the product of two.
-  ///
-  /// Trust. What moves together with the sensor, as traffic does, looks right point by point: from scan to
-  /// scan it hardly deviates from where the map has it. Many points together show it. The planes are put into
-  /// patches (2 m cubes of the scan, by direction of the normal). Their mean residual m = sum(w r) / sum(w),
-  /// with Jacobian J alike, has the expected variance
-  ///   s^2 = correlation_factor / sum(w) + floor^2 + J D P D J',  D = diag(4, 4, 4, 2, 2, 2),
-  /// and all planes of the patch get the trust 1 / (1 + m^2 / s^2)^2; 1 without `mapping.judge_patches`.
-  ///
-  /// Share. Planes of one direction that are near each other (10 m cubes) share what the calibration of the
-  /// beams leaves of their errors, and no number of points averages it out: along the normal n
+  /// Factor in [0, 1] on the weight of each plane of `input`, given a predicted pose and its covariance
+  /// ([dtheta, dt] as in LidarInformation): its trust (`trust_planes`; 1 without `mapping.judge_patches`),
+  /// taken down by the errors that it shares with its neighbours (`share_errors`). Of these, along the normal
+  /// n of the map's plane,
   ///   e^2 = (s_e n . l)^2 + (s_r n . d)^2 + (s_b n . (l - l_c))^2 + (s_v n . (d - v))^2,
   ///   s_e, s_r = `mapping.shared_elevation_error`, `.shared_range_error`,
   ///   s_b, s_v = `mapping.beam_elevation_sigma`, `.range_bias`
-  /// with the direction d of the beam and l, what a point moves by with its beam's elevation [m/rad], and
-  /// with the means v and l_c of both over the points of the cell that the plane was matched with. With e in
-  /// their mean all of them together are worth sum(w) / (1 + sum(w e^2) / correlation_factor) instead of
-  /// sum(w), w their weights times their trust: so much less each of them counts.
+  /// is what the calibration of the beams leaves, with the direction d of the beam and l, what a point moves
+  /// by with its beam's elevation [m/rad], and with the means v and l_c of both over the points of the cell
+  /// that the plane was matched with.
   std::vector<float> weigh_planes(const MatchInput& input, const VoxelMap& plane_map,
                                   const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
                                   const Matrix6d& covariance) const;
