@@ -187,7 +187,8 @@ void MappingConfig::visit(ParameterVisitor& v) {
        "deviation of range errors that stay as they are: surfaces differ by it between views from two sides"},
       range_bias_m, 0.0, 0.5);
   v.real({"mapping.line_radius", "m",
-          "deviation of the depth of poles and trunks, of which a scan sees the near side only"},
+          "deviation of the depth of poles and trunks, of which a scan sees the near side only, and of its "
+          "mean before any is seen"},
          line_radius_m, 0.0, 1.0);
   v.real({"mapping.correlation_factor", "",
           "how many residuals share one independent error (map, beam calibration)"},

@@ -14,7 +14,10 @@ constexpr double kStartMaxResidual = 1.0;
 }  // namespace
 
 Registration::Registration(const Config& config, Reporter* reporter)
-    : config_(config.mapping), reporter_(reporter), matcher_(config) {}
+    : config_(config.mapping),
+      reporter_(reporter),
+      matcher_(config),
+      line_radius_(config.mapping.line_radius_m) {}
 
 /// Directions that geometry leaves open are filled by textures. Without textures the chance information along
 /// them, which is none, would be all that corrects the IMU: it is left alone there.
@@ -46,18 +49,20 @@ bool Registration::has_converged(const imu::NavState& before, const imu::NavStat
 
 Alignment Registration::align(MatchInput input, const LocalMap& map, const AdaptedSettings& adapted,
                               std::size_t least_matches, bool is_start,
-                              const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother) const {
+                              const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother) {
   const int iterations = is_start ? kStartIterations : adapted.iterations;
   MatchSettings settings;
   settings.plane_weight = adapted.plane_weight;
   settings.edge_weight = adapted.edge_weight;
   settings.intensity_weight = config_.intensity_weight;
+  settings.line_radius_m = line_radius_.mean_m();
   if (predicted_covariance) {
     const imu::NavState& predicted = smoother->newest();
     input.plane_factors = matcher_.weigh_planes(input, map.planes(), predicted.q_odom_imu,
                                                 predicted.t_odom_imu, *predicted_covariance);
   }
   Alignment alignment;
+  RadiusEvidence radius;
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const imu::NavState current = smoother->newest();
     const double progress = static_cast<double>(iteration) / iterations;
@@ -68,6 +73,7 @@ Alignment Registration::align(MatchInput input, const LocalMap& map, const Adapt
     LidarInformation& information = alignment.information;
     information = matcher_.linearise(input, map.planes(), map.edges(), current.q_odom_imu, current.t_odom_imu,
                                      settings);
+    radius = line_radius_.eliminate(&information);
     add_directions(input, map, current, settings, &alignment);
     alignment.status.iterations = static_cast<std::uint32_t>(iteration + 1);
     if (information.planes + information.edges < least_matches) {
@@ -83,6 +89,8 @@ Alignment Registration::align(MatchInput input, const LocalMap& map, const Adapt
     }
     if (has_converged(current, smoother->newest())) break;
   }
+  // Before the IMU is initialised nothing tells a wrong velocity from a radius.
+  if (alignment.is_healthy && predicted_covariance) line_radius_.learn(radius);
   return alignment;
 }
 

@@ -15,10 +15,19 @@ namespace {
 
 constexpr std::size_t kChunk = 256;
 constexpr double kRadians = M_PI / 180.0;
+/// Intensities are matched within the square root of it from the mean of a cell's points, in their
+/// deviations, which is how far evenly spread points reach: paint ends, and a slope that is fitted to its
+/// edge overshoots beyond.
+constexpr double kSquaredTextureReach = 3.0;
+/// Lines tell of their radius when they are seen from about the side that they are known from: of what they
+/// look like from behind the thick ones decide, which hardly count for the pose.
+constexpr double kMostTurned = 0.5;
+
 /// Normal equations of some residuals.
 struct Sum {
   ProductSum products;
-  ProductSum noise;  ///< what the errors of the Jacobians add to them on the average
+  ProductSum noise;   ///< what the errors of the Jacobians add to them on the average
+  RadiusSums radius;  ///< of lines
   Eigen::Vector3d first_moment = Eigen::Vector3d::Zero();  ///< of the features, body frame
   double second_moment = 0.0;
   double squared_error = 0.0;
@@ -27,6 +36,9 @@ struct Sum {
   Sum& operator+=(const Sum& other) {
     products.add(other.products);
     noise.add(other.noise);
+    radius.information += other.radius.information;
+    radius.gradient += other.radius.gradient;
+    radius.with_pose += other.radius.with_pose;
     first_moment += other.first_moment;
     second_moment += other.second_moment;
     squared_error += other.squared_error;
@@ -35,16 +47,22 @@ struct Sum {
   }
 };
 
-/// Factor by which the error of a regression in the cell (its mean and two tilts, from `count` points)
-/// grows at `offset` from its mean, over that of the mean alone; `normal` is the axis it is about.
-double leverage(const Cell& cell, const Eigen::Vector3d& offset, int normal) {
-  double factor = 1.0;
+/// Square of how far `offset` is from the mean of the cell's points across the axis `normal`, in their
+/// deviations.
+double squared_reach(const Cell& cell, const Eigen::Vector3d& offset, int normal) {
+  double sum = 0.0;
   for (int axis = 0; axis < 3; ++axis) {
     if (axis == normal || cell.variances[axis] <= cell.variances[normal]) continue;
     const double along = cell.axes.col(axis).dot(offset);
-    factor += along * along / cell.variances[axis];
+    sum += along * along / cell.variances[axis];
   }
-  return factor;
+  return sum;
+}
+
+/// Factor by which the error of a regression in the cell (its mean and two tilts, from `count` points)
+/// grows at `offset` from its mean, over that of the mean alone; `normal` is the axis it is about.
+double leverage(const Cell& cell, const Eigen::Vector3d& offset, int normal) {
+  return 1.0 + squared_reach(cell, offset, normal);
 }
 
 /// Cauchy weight of a residual of the given variance; its scale is in standard deviations.
@@ -63,14 +81,14 @@ class Residuals {
     double value = 0.0;
     double variance = 0.0;
     double slope_variance = 0.0;  ///< variance of `gradient` along an axis, times that of the cell's points
+    double by_radius = 0.0;       ///< d value / d mean radius of lines
     int first_slope = 0;
   };
 
-  /// Distance of a point to a plane or a line along the cell's axis `normal`; the cell knows that axis no
-  /// better than its points allow along its axes from `first_slope` on. `depth_sigma_m` is the deviation of
-  /// errors of depth that all points have that are seen from one side.
-  Residual distance(const Eigen::Vector3d& p_imu, const Cell& cell, int normal, int first_slope,
-                    double depth_sigma_m) const;
+  /// Distance of a point to the cell's plane.
+  Residual plane(const Eigen::Vector3d& p_imu, const Cell& cell) const;
+  /// Distance of a point to the cell's line along the axis `normal`, 0 or 1.
+  Residual line(const Eigen::Vector3d& p_imu, const Cell& cell, int normal) const;
   /// Difference between the cell's intensity at the point and the point's own.
   Residual intensity(const Eigen::Vector3d& p_imu, double level, const Cell& cell) const;
   void add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residual& residual, double weight,
@@ -96,8 +114,14 @@ class Residuals {
  private:
   Vector6d jacobian(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& gradient) const;
   double point_variance(const Eigen::Vector3d& p_imu, const Eigen::Vector3d& n) const;
+  double turned(const Eigen::Vector3d& p_imu, const Cell& cell, const Eigen::Vector3d& n) const;
   double view_variance(const Eigen::Vector3d& p_imu, const Cell& cell, const Eigen::Vector3d& n,
                        double depth_sigma_m) const;
+  /// Distance along the cell's axis `normal`, which the cell knows no better than its points allow along its
+  /// axes from `first_slope` on. `depth_sigma_m` is the deviation of errors of depth that all points have
+  /// that are seen from one side.
+  Residual distance(const Eigen::Vector3d& p_imu, const Cell& cell, int normal, int first_slope,
+                    double depth_sigma_m) const;
   /// Variance of the error along the unit vector n (map frame) that the point shares with its neighbours:
   /// what the calibration of the beams leaves of elevation and range, and what its view and the cell's differ
   /// by.
@@ -140,13 +164,18 @@ double Residuals::point_variance(const Eigen::Vector3d& p_imu, const Eigen::Vect
   return range_variance_ + angle_variance_ * tangential_sq;
 }
 
+/// How far the cell was seen from another side than the point along the unit vector n (map frame): n . (v -
+/// d) with the mean direction v to the cell's points and that of the beam, d.
+double Residuals::turned(const Eigen::Vector3d& p_imu, const Cell& cell, const Eigen::Vector3d& n) const {
+  return n.dot(cell.view) - (p_imu - origin_).normalized().dot(R_.transpose() * n);
+}
+
 /// What the point and those of the cell may differ by along the unit vector n (map frame), because they were
 /// seen from different sides: an error of depth, which goes with the beam, is the same for all of a thing's
 /// points that are seen from one side, and cancels there.
 double Residuals::view_variance(const Eigen::Vector3d& p_imu, const Cell& cell, const Eigen::Vector3d& n,
                                 double depth_sigma_m) const {
-  const double turned = n.dot(cell.view) - (p_imu - origin_).normalized().dot(R_.transpose() * n);
-  return depth_sigma_m * depth_sigma_m * turned * turned;
+  return std::pow(depth_sigma_m * turned(p_imu, cell, n), 2);
 }
 
 void Residuals::add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residual& residual, double weight,
@@ -155,7 +184,14 @@ void Residuals::add(const Eigen::Vector3d& p_imu, const Cell& cell, const Residu
   if (r * r > settings_.max_deviation * settings_.max_deviation * residual.variance) return;
   const double fit = robust_weight(r, residual.variance, mapping_.robust_scale);
   const double information = weight * fit / residual.variance;
-  sum->products.add(information, jacobian(p_imu, residual.gradient), r);
+  const Vector6d J = jacobian(p_imu, residual.gradient);
+  sum->products.add(information, J, r);
+  if (residual.by_radius != 0.0) {
+    const double weighted = information * residual.by_radius;
+    sum->radius.information += weighted * residual.by_radius;
+    sum->radius.gradient += weighted * r;
+    sum->radius.with_pose += weighted * J;
+  }
   const Eigen::Vector3d offset = in_map(p_imu) - cell.mean;
   for (int axis = residual.first_slope; axis < 3; ++axis) {
     if (cell.variances[axis] <= cell.variances[0]) continue;
@@ -180,6 +216,18 @@ Residuals::Residual Residuals::distance(const Eigen::Vector3d& p_imu, const Cell
                       cell.variances[normal] * (1.0 + leverage(cell, offset, normal) / cell.count);
   residual.slope_variance = std::max(cell.variances[normal], range_variance_) / cell.count;
   residual.first_slope = first_slope;
+  return residual;
+}
+
+Residuals::Residual Residuals::plane(const Eigen::Vector3d& p_imu, const Cell& cell) const {
+  return distance(p_imu, cell, 0, 1, mapping_.range_bias_m);
+}
+
+Residuals::Residual Residuals::line(const Eigen::Vector3d& p_imu, const Cell& cell, int normal) const {
+  Residual residual = distance(p_imu, cell, normal, 2, mapping_.line_radius_m);
+  const double turn = turned(p_imu, cell, residual.gradient);
+  residual.value -= settings_.line_radius_m * turn;
+  if (std::abs(turn) <= kMostTurned) residual.by_radius = -turn;
   return residual;
 }
 
@@ -251,6 +299,9 @@ LidarInformation Residuals::finish(const Eigen::Quaterniond& q_odom_imu, const S
   // Neighbouring residuals share the errors of the map and of the beam calibration.
   information.H = sum.products.H() / mapping_.correlation_factor;
   information.b = sum.products.b() / mapping_.correlation_factor;
+  information.radius.information = sum.radius.information / mapping_.correlation_factor;
+  information.radius.gradient = sum.radius.gradient / mapping_.correlation_factor;
+  information.radius.with_pose = sum.radius.with_pose / mapping_.correlation_factor;
   information.bias = sum.noise.b() / mapping_.correlation_factor;
   information.noise_information = sum.noise.H() / mapping_.correlation_factor;
   information.squared_error = sum.squared_error;
@@ -283,15 +334,13 @@ LidarInformation ScanMatcher::linearise(const MatchInput& input, const VoxelMap&
   Sum sum = residuals.sum_up(input.planes, find_planes, [&](std::size_t i, const Cell& cell, Sum* part) {
     const Eigen::Vector3d& p = input.planes[i];
     const double factor = input.plane_factors.empty() ? 1.0 : input.plane_factors[i];
-    add(p, cell, residuals.distance(p, cell, 0, 1, config_.mapping.range_bias_m),
-        settings.plane_weight * factor, part);
+    add(p, cell, residuals.plane(p, cell), settings.plane_weight * factor, part);
   });
   const std::size_t planes = sum.count;
   sum += residuals.sum_up(input.edges, find_lines, [&](std::size_t i, const Cell& cell, Sum* part) {
     const Eigen::Vector3d& p = input.edges[i];
     for (int axis = 0; axis < 2; ++axis)
-      add(p, cell, residuals.distance(p, cell, axis, 2, config_.mapping.line_radius_m), settings.edge_weight,
-          part);
+      add(p, cell, residuals.line(p, cell, axis), settings.edge_weight, part);
   });
   LidarInformation information = residuals.finish(q_odom_imu, sum);
   information.planes = planes;
@@ -311,8 +360,7 @@ std::vector<float> ScanMatcher::weigh_planes(const MatchInput& input, const Voxe
     plane_map.find_planes(points, count, false, cells);
   };
   residuals.for_each_match(input.planes, find, [&](std::size_t i, const Cell& cell, std::size_t) {
-    const Residuals::Residual residual =
-        residuals.distance(input.planes[i], cell, 0, 1, mapping.range_bias_m);
+    const Residuals::Residual residual = residuals.plane(input.planes[i], cell);
     if (std::abs(residual.value) <= mapping.max_residual_m)
       found[i] = residuals.plane_match(input.planes[i], cell, residual);
   });
@@ -335,6 +383,8 @@ LidarInformation ScanMatcher::linearise_textures(const MatchInput& input, const 
   };
   const Sum sum = residuals.sum_up(input.textures, find, [&](std::size_t i, const Cell& cell, Sum* part) {
     const Eigen::Vector3d& p = input.textures[i];
+    const Eigen::Vector3d offset = residuals.in_map(p) - cell.mean;
+    if (squared_reach(cell, offset, 0) > kSquaredTextureReach) return;
     residuals.add(p, cell, residuals.intensity(p, input.levels[i], cell), settings.intensity_weight, part);
   });
   LidarInformation information = residuals.finish(q_odom_imu, sum);

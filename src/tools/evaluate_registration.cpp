@@ -158,7 +158,7 @@ class Evaluation {
   /// a weak direction lies to them; e is what is left of it, in the IMU frame [m^2].
   Eigen::Matrix3d square_errors(fdi_lio::Stamp stamp, const fdi_lio::mapping::MatchInput& input,
                                 const fdi_lio::mapping::AdaptedSettings& adapted,
-                                const Eigen::Isometry3d& T_map_imu) const {
+                                const Eigen::Isometry3d& T_map_imu) {
     const Eigen::Quaterniond q(T_map_imu.linear());
     Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
     for (int axis = 0; axis < 3; ++axis) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/mapping/mean_radius.hpp"
 #include "fdi_lio/mapping/scan_matcher.hpp"
 
 namespace fdi_lio::mapping {
@@ -231,20 +232,27 @@ void append(const std::vector<Eigen::Vector3d>& points, std::vector<Eigen::Vecto
   all->insert(all->end(), points.begin(), points.end());
 }
 
+const Eigen::Vector2d kFoot(8.2, 0.2);
+
+/// Map of a pole of 5 cm at kFoot, seen from x = 0.
+VoxelMap known_pole() {
+  VoxelMap edges(VoxelMapConfig{});
+  const auto known = near_side(kFoot, 0.05, Eigen::Vector3d(0.0, 0.2, 0.0));
+  edges.insert(known, std::vector<float>(known.size(), 0.0F),
+               Eigen::Isometry3d(Eigen::Translation3d(0.0, 0.2, 0.6)));
+  return edges;
+}
+
 /// Information about the position along x and y that a pole gives, seen from `origin`, when the map has the
 /// side of it that is seen from x = 0.
 Eigen::Vector2d information_of_pole(double line_radius_m, const Eigen::Vector3d& origin) {
-  const Eigen::Vector2d foot(8.2, 0.2);
-  VoxelMap edges(VoxelMapConfig{});
-  const auto known = near_side(foot, 0.05, Eigen::Vector3d(0.0, 0.2, 0.0));
-  edges.insert(known, std::vector<float>(known.size(), 0.0F),
-               Eigen::Isometry3d(Eigen::Translation3d(0.0, 0.2, 0.6)));
+  const VoxelMap edges = known_pole();
   Config config;
   config.sensor.beam_angle_noise_deg = 0.0;
   config.mapping.robust_scale = 1e6;
   config.mapping.line_radius_m = line_radius_m;
   MatchInput input;
-  input.edges = {Eigen::Vector3d(foot.x(), foot.y(), 0.6) - origin};
+  input.edges = {Eigen::Vector3d(kFoot.x(), kFoot.y(), 0.6) - origin};
   const LidarInformation information = ScanMatcher(config).linearise(
       input, VoxelMap(VoxelMapConfig{}), edges, Eigen::Quaterniond::Identity(), origin, MatchSettings());
   EXPECT_EQ(information.edges, 1U);
@@ -265,9 +273,53 @@ TEST(Poles, SeenFromBehindTheirDepthIsKnownToTwiceTheRadiusAndTheirPlaceAcrossAs
   EXPECT_NEAR(thick.y(), thin.y(), 1e-3 * thin.y());
 }
 
+/// A pole of 5 cm that the map knows from x = 0, seen from `origin`.
+LidarInformation pole_from(const Eigen::Vector3d& origin, double line_radius_m) {
+  const VoxelMap edges = known_pole();
+  Config config;
+  config.mapping.robust_scale = 1e6;
+  MatchInput input;
+  append(near_side(kFoot, 0.05, origin), &input.edges);
+  for (Eigen::Vector3d& p : input.edges) p -= origin;
+  MatchSettings settings;
+  settings.line_radius_m = line_radius_m;
+  return ScanMatcher(config).linearise(input, VoxelMap(VoxelMapConfig{}), edges,
+                                       Eigen::Quaterniond::Identity(), origin, settings);
+}
+
+TEST(Poles, SeenFromBehindTheyLieOffByTwiceTheirRadius) {
+  const Eigen::Vector3d origin(14.0, 0.2, 0.6);
+  // The mean of the near side's points is nearer than the axis by 0.807 of the radius (`near_side`).
+  const auto pull_m = [&](double line_radius_m) {
+    const LidarInformation information = pole_from(origin, line_radius_m);
+    return information.b[3] / information.H(3, 3);
+  };
+  EXPECT_NEAR(pull_m(0.0), 2.0 * 0.807 * 0.05, 2e-3);
+  EXPECT_NEAR(pull_m(0.807 * 0.05), 0.0, 2e-3);
+}
+
+TEST(Poles, SeenFromTheSideTellOfTheirRadiusWithItsDerivative) {
+  // Half a radian round the pole, against differences of the normal equations.
+  const Eigen::Vector3d origin(8.2 - 8.0 * std::cos(0.5), 0.2 - 8.0 * std::sin(0.5), 0.6);
+  const double step_m = 1e-3;
+  const LidarInformation at = pole_from(origin, 0.02);
+  const LidarInformation more = pole_from(origin, 0.02 + step_m);
+  const LidarInformation less = pole_from(origin, 0.02 - step_m);
+  EXPECT_TRUE(at.radius.with_pose.isApprox((more.b - less.b) / (2.0 * step_m), 1e-6));
+  EXPECT_NEAR(at.radius.information, (more.radius.gradient - less.radius.gradient) / (2.0 * step_m),
+              1e-6 * at.radius.information);
+  EXPECT_GT(at.radius.information, 0.0);
+}
+
+TEST(Poles, SeenFromBehindTellNothingOfTheirRadius) {
+  // Only what is turned by less than 0.5 counts: along the beam nothing, across it nothing is turned.
+  const LidarInformation information = pole_from({14.0, 0.2, 0.6}, 0.0);
+  EXPECT_LT(std::abs(information.radius.with_pose[3]), 1e-3 * information.H(3, 3));
+}
+
 /// Way that the lidar alone measures along 120 m of a road without anything but ground and poles, over the
-/// true one.
-double measured_way(double line_radius_m) {
+/// true one. `mean_radius_sigma_m`: deviation of the poles' mean radius before any is seen; 0: it is zero.
+double measured_way(double line_radius_m, double mean_radius_sigma_m) {
   std::mt19937 generator(3);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
   std::normal_distribution<double> noise(0.0, 0.01);
@@ -278,6 +330,8 @@ double measured_way(double line_radius_m) {
   Config config;
   config.mapping.line_radius_m = line_radius_m;
   const ScanMatcher matcher(config);
+  MeanRadius radius(mean_radius_sigma_m);
+  MatchSettings settings;
   VoxelMap planes(VoxelMapConfig{});
   VoxelMap edges(VoxelMapConfig{});
   Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
@@ -295,12 +349,16 @@ double measured_way(double line_radius_m) {
     for (Eigen::Vector3d& p : input.edges) {
       p = p - t_true + Eigen::Vector3d(noise(generator), noise(generator), noise(generator));
     }
+    RadiusEvidence evidence;
+    settings.line_radius_m = radius.mean_m();
     for (int iteration = 0; iteration < 5 && k > 0; ++iteration) {
-      const auto information = matcher.linearise(input, planes, edges, q, t, MatchSettings());
+      LidarInformation information = matcher.linearise(input, planes, edges, q, t, settings);
+      evidence = radius.eliminate(&information);
       const Vector6d step = -information.H.ldlt().solve(information.b);
       q = q * so3::exp_q(step.head<3>());
       t += step.tail<3>();
     }
+    radius.learn(evidence);
     const auto insert = [&](const std::vector<Eigen::Vector3d>& points, VoxelMap* map) {
       std::vector<Eigen::Vector3d> placed;
       for (const Eigen::Vector3d& p : points) placed.push_back(q * p + t);
@@ -314,10 +372,13 @@ double measured_way(double line_radius_m) {
 }
 
 TEST(Poles, ShortenTheWayPastThemLess) {
-  const double without = 1.0 - measured_way(0.0);
-  const double with = 1.0 - measured_way(Config().mapping.line_radius_m);
+  const double sigma_m = Config().mapping.line_radius_m;
+  const double without = 1.0 - measured_way(0.0, 0.0);
+  const double weighed = 1.0 - measured_way(sigma_m, 0.0);
+  const double learned = 1.0 - measured_way(sigma_m, sigma_m);
   EXPECT_GT(without, 0.001) << "this test's road shows nothing";
-  EXPECT_LT(std::abs(with), 0.5 * without);
+  EXPECT_LT(std::abs(weighed), 0.5 * without);
+  EXPECT_LT(std::abs(learned), 0.8 * std::abs(weighed)) << without << ", " << weighed << ", " << learned;
 }
 
 }  // namespace

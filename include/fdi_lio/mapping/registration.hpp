@@ -10,6 +10,7 @@
 #include "fdi_lio/mapping/adaptation.hpp"
 #include "fdi_lio/mapping/local_map.hpp"
 #include "fdi_lio/mapping/match_input.hpp"
+#include "fdi_lio/mapping/mean_radius.hpp"
 #include "fdi_lio/mapping/pose_tangent.hpp"
 #include "fdi_lio/mapping/scan_matcher.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
@@ -27,7 +28,8 @@ struct Alignment {
 };
 
 /// Aligns the newest state of the smoother with the local map: associates, weighs by direction, lets the
-/// smoother solve, and begins again until nothing moves.
+/// smoother solve, and begins again until nothing moves. What the scans' lines say of their mean radius is
+/// kept from scan to scan.
 class Registration {
  public:
   Registration(const Config& config, Reporter* reporter);
@@ -37,7 +39,7 @@ class Registration {
   /// nothing is known of the velocity yet, associations are sought farther away and more often.
   Alignment align(MatchInput input, const LocalMap& map, const AdaptedSettings& adapted,
                   std::size_t least_matches, bool is_start,
-                  const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother) const;
+                  const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother);
 
  private:
   void add_directions(const MatchInput& input, const LocalMap& map, const imu::NavState& at,
@@ -47,6 +49,7 @@ class Registration {
   MappingConfig config_;
   Reporter* reporter_;
   ScanMatcher matcher_;
+  MeanRadius line_radius_;
 };
 
 }  // namespace fdi_lio::mapping

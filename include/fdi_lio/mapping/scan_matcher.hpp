@@ -12,6 +12,14 @@
 
 namespace fdi_lio::mapping {
 
+/// What a mean radius of lines that is larger by d adds to the matching cost:
+///   information d^2 / 2 + gradient d + d with_pose' [dtheta, dt].
+struct RadiusSums {
+  double information = 0.0;  ///< [1/m^2]
+  double gradient = 0.0;     ///< [1/m]
+  Vector6d with_pose = Vector6d::Zero();
+};
+
 /// Second-order model of the matching cost about one pose, in the tangent [dtheta, dt] of T_odom_imu:
 ///   cost(d) = d' H d / 2 + b' d + constant.
 struct LidarInformation {
@@ -22,6 +30,9 @@ struct LidarInformation {
   /// Information that errors of the map's normals and intensity gradients add to H on the average without
   /// any real constraint: sum over the residuals of their Jacobian's covariance over their variance.
   Matrix6d noise_information = Matrix6d::Zero();
+  /// Of the lines whose cell was seen from about the same side as the point, |n . (v - d)| <= 0.5.
+  /// MeanRadius takes it out of H and b.
+  RadiusSums radius;
   double squared_error = 0.0;  ///< sum of squared plane and line distances [m^2]
   /// What the same errors, which are in the residuals too, give b on the average (errors in variables):
   /// points of a scan, which lie ahead of those that a cell knows, would be pulled back.
@@ -42,6 +53,7 @@ struct MatchSettings {
   double plane_weight = 1.0;
   double edge_weight = 1.0;
   double intensity_weight = 1.0;
+  double line_radius_m = 0.0;  ///< mean radius of what lines belong to
 };
 
 /// Residuals of scan features against the local map, with noise-aware weights and a Cauchy kernel (one round
@@ -54,7 +66,8 @@ class ScanMatcher {
   /// Point to plane and point to line: associates planes and edges of `input` at the given pose and sums the
   /// normal equations. Where a cell was seen from another side than the point, the variance of the residual
   /// grows by (s n . (v - d))^2 with the mean direction v to the cell's points, that of the beam d, the
-  /// residual's axis n and s = `mapping.range_bias` for planes, `mapping.line_radius` for edges.
+  /// residual's axis n and s = `mapping.range_bias` for planes, `mapping.line_radius` for edges. From edges
+  /// MatchSettings::line_radius_m times n . (v - d) is subtracted: of round things a scan sees the near side.
   LidarInformation linearise(const MatchInput& input, const VoxelMap& plane_map, const VoxelMap& edge_map,
                              const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
                              const MatchSettings& settings) const;
@@ -74,7 +87,8 @@ class ScanMatcher {
                                   const Matrix6d& covariance) const;
 
   /// Intensity features: difference between the map's intensity at the point and its own,
-  /// r = mean_intensity + g . (p - mean) - J. `squared_error` is in the unit of J.
+  /// r = mean_intensity + g . (p - mean) - J, for points among those that the cell was made of: within
+  /// sqrt(3) deviations of them. `squared_error` is in the unit of J.
   LidarInformation linearise_textures(const MatchInput& input, const VoxelMap& texture_map,
                                       const Eigen::Quaterniond& q_odom_imu, const Eigen::Vector3d& t_odom_imu,
                                       const MatchSettings& settings) const;
