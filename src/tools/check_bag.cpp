@@ -6,6 +6,7 @@
 
 #include "bag_options.hpp"
 #include "bag_source.hpp"
+#include "notice_log.hpp"
 #include "start_check.hpp"
 
 #include "fdi_lio/common/config_io.hpp"
@@ -33,8 +34,7 @@ void print_topics(const fdi_lio::tools::BagSource& source) {
 
 /// Prints one finding and counts it by its severity.
 void print(Severity severity, const std::string& text, int (*counts)[3]) {
-  static constexpr const char* kNames[] = {"info", "warning", "error"};
-  std::printf("%s: %s\n", kNames[static_cast<int>(severity)], text.c_str());
+  std::printf("%s: %s\n", fdi_lio::tools::name_of(severity), text.c_str());
   ++(*counts)[static_cast<int>(severity)];
 }
 

@@ -11,6 +11,8 @@
 #include <vector>
 
 #include "bag_options.hpp"
+#include "bag_source.hpp"
+#include "notice_log.hpp"
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
 #include <sensor_msgs/Imu.h>
@@ -125,6 +127,8 @@ class Score {
   }
 
   void print(std::ostream& out) {
+    if (static_kept_ + static_removed_ + moving_kept_ + moving_removed_ == 0)
+      throw Error("no scan of the recording could be used: see the messages above");
     const auto share = [](std::uint64_t part, std::uint64_t rest) {
       return part + rest > 0 ? static_cast<double>(part) / static_cast<double>(part + rest) : 1.0;
     };
@@ -202,9 +206,11 @@ int run(const fdi_lio::tools::BagOptions& options) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
                                     static_cast<std::size_t>(config.threads));
   const std::string& path = options.bags.at(0);
+  fdi_lio::Reporter reporter, quiet;
+  config.sensor.points_topic =
+      fdi_lio::tools::BagSource(options.bags, config.sensor, &reporter).points_topic();
   rosbag::Bag bag(path, rosbag::bagmode::Read);
   LabelFile labels(path.substr(0, path.rfind('.')) + ".labels");
-  fdi_lio::Reporter reporter, quiet;
   fdi_lio::scan::PointCloudReader reader(config.sensor, &reporter);
   fdi_lio::scan::PointCloudReader label_reader(config.sensor, &quiet);
   config.loop.enabled = false;  // the voxels are those of the odometry
@@ -234,6 +240,7 @@ int run(const fdi_lio::tools::BagOptions& options) {
     pipeline.add_scan(std::move(*scan));
   }
   pipeline.finish();
+  fdi_lio::tools::print_new(&reporter);
   score.print(std::cout);
   return 0;
 }

@@ -11,6 +11,7 @@
 
 #include "bag_options.hpp"
 #include "bag_source.hpp"
+#include "notice_log.hpp"
 #include <Eigen/Eigenvalues>
 #include <tbb/global_control.h>
 #include <yaml-cpp/yaml.h>
@@ -132,6 +133,7 @@ class Evaluation {
   }
 
   void finish() {
+    if (scans_ == 0) throw Error("no scan of the recording could be used: see the messages above");
     out_.close();
     if (!out_) throw Error("cannot write all of " + path_ + ": is the disk full?");
   }
@@ -207,9 +209,13 @@ int run(const fdi_lio::tools::BagOptions& options) {
   callbacks.on_imu = [&](const fdi_lio::imu::ImuSample& sample) { pipeline.add_imu(sample); };
   callbacks.on_scan = [&](fdi_lio::Scan scan) { pipeline.add_scan(std::move(scan)); };
   callbacks.on_timing = [](const std::string&, double) {};
-  callbacks.on_progress = [](double) { return true; };
+  callbacks.on_progress = [&](double) {
+    fdi_lio::tools::print_new(&reporter);
+    return true;
+  };
   source.read(options.start_s, options.duration_s, &reporter, callbacks);
   pipeline.finish();
+  fdi_lio::tools::print_new(&reporter);
   evaluation.finish();
   return 0;
 }

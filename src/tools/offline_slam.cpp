@@ -8,6 +8,7 @@
 
 #include "bag_options.hpp"
 #include "bag_source.hpp"
+#include "notice_log.hpp"
 #include "progress_bar.hpp"
 #include "slam_run.hpp"
 #include "start_check.hpp"
@@ -42,15 +43,6 @@ volatile std::sig_atomic_t stop_requested = 0;
 
 void request_stop(int /*signal*/) { stop_requested = 1; }
 
-void print_new(fdi_lio::Reporter* reporter) {
-  static constexpr const char* kNames[] = {"info", "warning", "error"};
-  for (const fdi_lio::Notice& notice : reporter->take_new()) {
-    std::cerr << kNames[static_cast<int>(notice.severity)] << ": " << notice.text;
-    if (notice.count > 1) std::cerr << " (" << notice.count << " times so far)";
-    std::cerr << "\n";
-  }
-}
-
 fdi_lio::mapping::InitialPose initial_pose(const fdi_lio::tools::BagOptions& options,
                                            const fdi_lio::Config& config) {
   constexpr double kDegree = M_PI / 180.0;
@@ -83,7 +75,7 @@ int run(const fdi_lio::tools::BagOptions& options) {
     read_s = position_s;
     slam.advance(position_s);
     progress.update(position_s);
-    print_new(&reporter);
+    fdi_lio::tools::print_new(&reporter);
     return stop_requested == 0;
   };
   // Of a damaged recording the results up to the damage are kept.
@@ -95,7 +87,7 @@ int run(const fdi_lio::tools::BagOptions& options) {
   }
   slam.finish();
   progress.finish();
-  print_new(&reporter);
+  fdi_lio::tools::print_new(&reporter);
   if (damage) throw Error(*damage);
   if (slam.scans() == 0) throw Error("no scan of the recording could be used: see the messages above");
   if (!slam.is_placed())

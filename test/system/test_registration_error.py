@@ -68,6 +68,15 @@ class RegistrationError(unittest.TestCase):
         self.assertIn("a.tum", done.stderr)
         self.assertIn("simulate_bag", done.stderr)
 
+    def test_what_the_run_reports_is_shown(self):
+        self.simulate("plaza", 4)
+        done = self.evaluate("--set", "sensor.points_topic=/none")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("/none", done.stderr)
+        done = self.evaluate("--start", "100")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("no scan", done.stderr)
+
     def test_a_recording_without_its_calibration(self):
         self.simulate("plaza")
         (self.path / "a.yaml").write_text("seed: 1\n")
