@@ -19,7 +19,7 @@
 #include <tf2_ros/transform_broadcaster.h>
 
 #include "fdi_lio/mapping/correction_blend.hpp"
-#include "fdi_lio/mapping/estimator.hpp"
+#include "fdi_lio/mapping/estimate_result.hpp"
 #include "fdi_lio/mapping/global_worker.hpp"
 #include "fdi_lio/mapping/keyframe.hpp"
 #include "fdi_lio/mapping/localiser_worker.hpp"

@@ -6,7 +6,7 @@
 
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/common/time.hpp"
-#include "fdi_lio/mapping/estimator.hpp"
+#include "fdi_lio/mapping/estimate_result.hpp"
 #include "fdi_lio/mapping/keyframe_store.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
 #include "fdi_lio/mapping/pose_tangent.hpp"

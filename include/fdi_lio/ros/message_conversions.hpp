@@ -6,7 +6,7 @@
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
-#include "fdi_lio/mapping/estimator.hpp"
+#include "fdi_lio/mapping/estimate_result.hpp"
 #include <fdi_lio/Degeneracy.h>
 #include <fdi_lio/DeskewedCloud.h>
 #include <fdi_lio/EstimatorState.h>

@@ -1,0 +1,115 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <tbb/task_group.h>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/common/stage_timer.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/mapping/adaptation.hpp"
+#include "fdi_lio/mapping/beam_correction.hpp"
+#include "fdi_lio/mapping/calibration_report.hpp"
+#include "fdi_lio/mapping/estimate_result.hpp"
+#include "fdi_lio/mapping/health_monitor.hpp"
+#include "fdi_lio/mapping/imu_start.hpp"
+#include "fdi_lio/mapping/local_map.hpp"
+#include "fdi_lio/mapping/map_candidate.hpp"
+#include "fdi_lio/mapping/map_drift.hpp"
+#include "fdi_lio/mapping/map_tilt.hpp"
+#include "fdi_lio/mapping/registration.hpp"
+#include "fdi_lio/mapping/smoother.hpp"
+#include "fdi_lio/mapping/start_review.hpp"
+
+namespace fdi_lio::mapping {
+
+/// Estimates scan after scan: prediction by the IMU, registration to the local map with the fixed-lag
+/// smoother, what each scan then gives the map and the beams, and when the map knows nothing any more.
+class ScanEstimator {
+ public:
+  ScanEstimator(const Config& config, Reporter* reporter, const StageTimer& timer);
+  ~ScanEstimator();
+  ScanEstimator(const ScanEstimator&) = delete;
+  ScanEstimator& operator=(const ScanEstimator&) = delete;
+
+  /// Adds one scan; nothing is returned when its stamp does not follow the one before. `is_reviewed`: what is
+  /// estimated may yet be revised, and is no keyframe.
+  std::optional<EstimateResult> add(EstimatorInput input, bool is_reviewed);
+
+  /// The velocity in `odom` of the first scan. Only before it.
+  void begin_moving(const MovingStart& motion) { moving_start_ = motion; }
+
+  /// Starts from a state that is known from before a restart. Only before the first scan.
+  void resume(const imu::NavState& state) { resumed_ = state; }
+
+  /// The first two scans alone told the velocity.
+  bool has_found_motion() const { return has_found_motion_; }
+
+  /// The newest state; nothing before the first scan.
+  std::optional<imu::NavState> state() const;
+
+  /// Points of the local map in `odom` (means of the filled voxels), for display. Waits for `learning`.
+  std::vector<Point> local_map();
+  std::size_t map_voxel_count();
+
+ private:
+  void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
+  void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
+  void search_motion(const std::optional<imu::Preintegration>& imu, FeatureSet* features);
+  FeatureSet deskewed_anew(const FeatureSet& features, const Eigen::Vector3d& v_deskew,
+                           imu::NavState state) const;
+  void match(const FeatureSet& features, const std::optional<imu::Preintegration>& imu,
+             EstimateResult* result);
+  LidarInformation optimise(const MatchInput& input, bool is_shaken, EstimateResult* result);
+  void take_up_imu(const std::optional<imu::Preintegration>& imu);
+  void adopt_imu(const std::optional<ImuStart::Found>& found);
+  void start_smoother(const imu::NavState& state, Smoother::InitialSigma sigma);
+  Eigen::Vector3d bend_to(const imu::NavState& predicted) const;
+  void state_uncertainty(const Matrix15d& covariance, EstimateResult* result);
+  bool review_map(const FeatureSet& features, const EstimateResult& result, const Matrix15d& covariance);
+  void begin_map_anew(const EstimateResult& result, const Matrix15d& covariance);
+  double take_out_beam_elevation();
+  void learn(FeatureSet features, const EstimateResult& result);
+  bool decide_keyframe(bool is_reviewed);
+
+  Config config_;
+  Reporter* reporter_;
+  StageTimer timer_;
+  Eigen::Isometry3d T_imu_lidar_;
+  Registration registration_;
+  Smoother smoother_;
+  LocalMap map_;
+  MapDrift drift_;
+  MapTilt tilt_;
+  HealthMonitor health_;
+  CalibrationReport calibration_report_;
+  MapCandidate candidate_;
+  ImuStart imu_start_;
+  BeamCorrection beams_;
+  std::optional<FeatureSet> first_;  ///< the first scan, until the second has come
+  bool has_found_motion_ = false;
+  std::optional<MovingStart> moving_start_;
+  std::optional<imu::NavState> resumed_;
+  AdaptedSettings adapted_;
+  double radius_m_ = 0.0;  ///< of the features matched last
+  double common_elevation_sigma_rad_ = 0.0;
+  int scan_count_ = 0;
+  int map_scans_ = 0;  ///< since the local map was begun
+  bool has_restarted_ = false;
+  imu::NavState before_;  ///< estimate of the scan before
+  Eigen::Isometry3d T_odom_first_ = Eigen::Isometry3d::Identity();
+  bool has_keyframe_ = false;
+  Eigen::Isometry3d T_odom_keyframe_ = Eigen::Isometry3d::Identity();
+  double learning_ms_ = 0.0;
+  /// What the newest scan gives the map and the beams, which the next one needs: it goes on while that one is
+  /// prepared. Last: it uses what is above.
+  tbb::task_group learning_;
+};
+
+}  // namespace fdi_lio::mapping
