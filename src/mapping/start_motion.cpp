@@ -117,17 +117,27 @@ StartMotion find_start_motion(const std::vector<Eigen::Vector3d>& before,
   return {displacements[best], scores[best], scores.back()};
 }
 
+std::optional<StartMotion> find_start_motion(const FeatureSet& first,
+                                             const Eigen::Quaterniond& q_odom_imu_first,
+                                             const FeatureSet& second,
+                                             const Eigen::Quaterniond& q_odom_imu_second,
+                                             const Eigen::Isometry3d& T_imu_lidar,
+                                             const Eigen::Vector3d& predicted) {
+  const double dt = seconds_between(first.stamp, second.stamp);
+  if (dt <= 0.0 || dt > kMaxInterval) return std::nullopt;
+  return find_start_motion(turned(first, q_odom_imu_first * T_imu_lidar),
+                           turned(second, q_odom_imu_second * T_imu_lidar), predicted, kMaxSpeed * dt);
+}
+
 std::optional<Eigen::Vector3d> start_velocity(const FeatureSet& first, const imu::NavState& first_state,
                                               const FeatureSet& second, const imu::NavState& predicted,
                                               const Eigen::Isometry3d& T_imu_lidar) {
-  const double dt = seconds_between(first.stamp, second.stamp);
-  if (dt <= 0.0 || dt > kMaxInterval) return std::nullopt;
-  const StartMotion motion = find_start_motion(turned(first, first_state.q_odom_imu * T_imu_lidar),
-                                               turned(second, predicted.q_odom_imu * T_imu_lidar),
-                                               predicted.t_odom_imu - first_state.t_odom_imu, kMaxSpeed * dt);
-  const double difference = motion.score - motion.score_predicted;
-  if (difference < std::max(kMinAdvantage * motion.score, kMinDifference)) return std::nullopt;
-  return motion.displacement / dt;
+  const auto motion = find_start_motion(first, first_state.q_odom_imu, second, predicted.q_odom_imu,
+                                        T_imu_lidar, predicted.t_odom_imu - first_state.t_odom_imu);
+  if (!motion) return std::nullopt;
+  const double difference = motion->score - motion->score_predicted;
+  if (difference < std::max(kMinAdvantage * motion->score, kMinDifference)) return std::nullopt;
+  return motion->displacement / seconds_between(first.stamp, second.stamp);
 }
 
 FeatureSet moved_while_scanned(FeatureSet features, const imu::NavState& state,

@@ -1,4 +1,5 @@
 #include <cmath>
+#include <vector>
 
 #include "synthetic_road.hpp"
 #include <gtest/gtest.h>
@@ -8,13 +9,30 @@
 namespace fdi_lio::mapping {
 namespace {
 
+/// Posts beside the road, seen `way_m` farther on along the first axis.
+std::vector<Point> posts(double way_m) {
+  std::vector<Point> points;
+  for (const double x : {-23.0, -17.5, -11.0, -4.2, 3.0, 8.5, 16.0, 22.5}) {
+    for (const double y : {-6.0, 5.0}) {
+      for (int k = 0; k < 160; ++k) {
+        Point point;
+        point.position = Eigen::Vector3d(x + 0.3 * y - way_m, y, -1.5 + 0.025 * k).cast<float>();
+        points.push_back(point);
+      }
+    }
+  }
+  return points;
+}
+
 /// One more scan of a drive that was taken for a stand, `odom` tilted against the road by `tilt` about y. The
 /// IMU's axes are those of the road.
 void add_scan(const SyntheticRoad& road, int k, double speed_mps, double tilt, StartReview* review,
               double calm_s = ImuConfig().static_duration_s,
-              const Eigen::Vector3d& information = Eigen::Vector3d::Zero()) {
+              const Eigen::Vector3d& information = Eigen::Vector3d::Zero(),
+              const std::vector<Point>& edges = {}) {
   EstimatorInput input;
   input.features = road.scan(SyntheticRoad::kPeriod_s * k, speed_mps, 0.0, static_cast<unsigned>(k));
+  input.features.edges = edges;
   const Eigen::Vector3d felt(road.acceleration_mps2, 0.0, SensorConfig().gravity_mps2);
   input.imu.emplace();
   input.imu->sample_count = 20;
@@ -103,6 +121,30 @@ TEST(StartReview, WaitsWhileACalmImuMayYetSayThatTheSensorStands) {
   EXPECT_FALSE(review.is_over());
   add_scan(SyntheticRoad(), 8, 22.0, 0.0, &review);
   EXPECT_TRUE(review.find_motion(false));
+}
+
+/// A road's brightness may repeat itself, and a velocity at which it does may win.
+TEST(StartReview, DoesNotOverruleAWitnessAgainstWhatStandsBesideTheRoad) {
+  SyntheticRoad road;
+  road.with_traffic = false;
+  const auto review_of = [&road](double posts_mps, int scans) {
+    StartReview review{Config()};
+    for (int k = 0; k < scans; ++k) {
+      add_scan(road, k, 22.0, 0.0, &review, ImuConfig().static_duration_s, Eigen::Vector3d::Zero(),
+               posts(posts_mps * SyntheticRoad::kPeriod_s * k));
+    }
+    return review;
+  };
+  EXPECT_TRUE(review_of(22.0, 8).find_motion(true));
+  // What drives along hides speed.
+  EXPECT_TRUE(review_of(5.0, 8).find_motion(true));
+  EXPECT_TRUE(review_of(40.0, 8).find_motion(false));
+  StartReview contradicted = review_of(40.0, 8);
+  EXPECT_FALSE(contradicted.find_motion(true));
+  EXPECT_FALSE(contradicted.is_over());
+  StartReview last = review_of(40.0, 16);
+  EXPECT_FALSE(last.find_motion(true));
+  EXPECT_TRUE(last.is_over());
 }
 
 TEST(StartReview, IsOverWhenTheScansSayNothing) {

@@ -27,6 +27,15 @@ StartMotion find_start_motion(const std::vector<Eigen::Vector3d>& before,
                               const std::vector<Eigen::Vector3d>& now, const Eigen::Vector3d& predicted,
                               double max_distance_m);
 
+/// The same of two whole scans with the given attitudes of the IMU, in the axes of `odom`, at up to 45 m/s;
+/// nothing when the second does not follow the first by at most 0.25 s.
+std::optional<StartMotion> find_start_motion(const FeatureSet& first,
+                                             const Eigen::Quaterniond& q_odom_imu_first,
+                                             const FeatureSet& second,
+                                             const Eigen::Quaterniond& q_odom_imu_second,
+                                             const Eigen::Isometry3d& T_imu_lidar,
+                                             const Eigen::Vector3d& predicted);
+
 /// The velocity in `odom` at a start in motion that explains the second scan, whose pose is `predicted`, much
 /// better than the prediction does; nothing when there is none, or the second comes later than 0.25 s. At
 /// most 45 m/s.

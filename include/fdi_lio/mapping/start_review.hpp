@@ -5,6 +5,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/scan_types.hpp"
@@ -45,7 +46,8 @@ class StartReview {
   /// The motion at the start, once the scans say that it was clearly another one than estimated. They are
   /// asked after 8 scans, or as soon as the IMU cannot find any more that the sensor stands, and after 16;
   /// the review is over when they are sure, or after the last. `has_witness`: surfaces that stand told the
-  /// estimated one from the first two scans alone; it then takes more to overrule it.
+  /// estimated one from the first two scans alone; it then takes more to overrule it, and nothing slower
+  /// that those two scans contradict (`find_start_motion`) does.
   std::optional<MovingStart> find_motion(bool has_witness);
 
   bool is_over() const { return is_over_; }
@@ -53,11 +55,12 @@ class StartReview {
 
  private:
   bool may_stand() const;
+  bool is_contradicted(const Eigen::Vector3d& v_odom) const;
   Eigen::Vector3d up() const;
   std::optional<Eigen::Vector3d> open_direction() const;
 
   Config config_;
-  Eigen::Matrix3d R_imu_lidar_;
+  Eigen::Isometry3d T_imu_lidar_;
   Eigen::Matrix3d R_level_odom_ = Eigen::Matrix3d::Identity();  ///< by the ground
   Eigen::Vector3d gained_mps_ = Eigen::Vector3d::Zero();  ///< by the accelerometer since the first scan, odom
   Eigen::Vector3d gained_m_ = Eigen::Vector3d::Zero();
@@ -65,7 +68,7 @@ class StartReview {
   bool is_steep_ = false;  ///< the ground, against the accelerometer: `up` is by the ground
   std::vector<EstimatorInput> inputs_;
   std::vector<BrightScan> scans_;
-  Eigen::Quaterniond q_odom_imu_ = Eigen::Quaterniond::Identity();  ///< of the newest scan, by the gyro alone
+  std::vector<Eigen::Quaterniond> q_odom_imu_;  ///< of each, by the gyro alone
   Eigen::Vector3d first_t_odom_imu_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d newest_t_odom_imu_ = Eigen::Vector3d::Zero();
   std::size_t next_question_ = 8;  ///< number of scans
