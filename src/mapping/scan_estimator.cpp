@@ -277,11 +277,20 @@ bool ScanEstimator::decide_keyframe(bool is_reviewed) {
   return true;
 }
 
-/// At a start that was revised, the features were deskewed with another velocity than that of `state`.
+/// The features were deskewed with another velocity than that of `state`.
 FeatureSet ScanEstimator::deskewed_anew(const FeatureSet& features, const Eigen::Vector3d& v_deskew,
                                         imu::NavState state) const {
   state.v_odom -= v_deskew;
   return moved_while_scanned(features, state, T_imu_lidar_);
+}
+
+/// While scans alone tell the velocity: one that is wrong by d shifts what is seen at the beginning of a
+/// sweep by d times its duration, so that the next velocities are wrong by d_k = d_k-1 - d_k-2, which
+/// oscillates for ever. Deskewed with the mean of the last two, d_k = (d_k-1 - d_k-3) / 2, which fades.
+FeatureSet ScanEstimator::deskewed_calmly(const FeatureSet& features, const Eigen::Vector3d& v_deskew) const {
+  imu::NavState state = smoother_.newest();
+  state.v_odom = 0.5 * (before_.v_odom + v_earlier_);
+  return deskewed_anew(features, v_deskew, state);
 }
 
 /// The newest scan against the map: its pose, and what was matched.
@@ -366,10 +375,14 @@ std::optional<EstimateResult> ScanEstimator::add(EstimatorInput input, bool is_r
     start(features, imu);
     if (moving_start_) features = deskewed_anew(features, input.v_deskew, smoother_.newest());
   } else {
+    v_earlier_ = before_.v_odom;
     before_ = smoother_.newest();
     predict(features, imu);
     if (first_) search_motion(imu, &features);
     if (moving_start_ && is_reviewed) features = deskewed_anew(features, input.v_deskew, smoother_.newest());
+    const bool is_predicted = smoother_.newest().imu_status == imu::ImuStatus::kInitialised;
+    if (!moving_start_ && !is_predicted && scan_count_ > 1)
+      features = deskewed_calmly(features, input.v_deskew);
     if (config_.mapping.calibrate_beams) features = beams_.apply(std::move(features), smoother_.newest());
     match(features, imu, &result);
     take_up_imu(imu);

@@ -64,6 +64,7 @@ class ScanEstimator {
   void search_motion(const std::optional<imu::Preintegration>& imu, FeatureSet* features);
   FeatureSet deskewed_anew(const FeatureSet& features, const Eigen::Vector3d& v_deskew,
                            imu::NavState state) const;
+  FeatureSet deskewed_calmly(const FeatureSet& features, const Eigen::Vector3d& v_deskew) const;
   void match(const FeatureSet& features, const std::optional<imu::Preintegration>& imu,
              EstimateResult* result);
   LidarInformation optimise(const MatchInput& input, bool is_shaken, EstimateResult* result);
@@ -102,7 +103,8 @@ class ScanEstimator {
   int scan_count_ = 0;
   int map_scans_ = 0;  ///< since the local map was begun
   bool has_restarted_ = false;
-  imu::NavState before_;  ///< estimate of the scan before
+  imu::NavState before_;                                 ///< estimate of the scan before
+  Eigen::Vector3d v_earlier_ = Eigen::Vector3d::Zero();  ///< of the one before that
   Eigen::Isometry3d T_odom_first_ = Eigen::Isometry3d::Identity();
   bool has_keyframe_ = false;
   Eigen::Isometry3d T_odom_keyframe_ = Eigen::Isometry3d::Identity();
