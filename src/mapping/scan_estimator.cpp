@@ -277,20 +277,24 @@ bool ScanEstimator::decide_keyframe(bool is_reviewed) {
   return true;
 }
 
-/// The features were deskewed with another velocity than that of `state`.
-FeatureSet ScanEstimator::deskewed_anew(const FeatureSet& features, const Eigen::Vector3d& v_deskew,
-                                        imu::NavState state) const {
-  state.v_odom -= v_deskew;
-  return moved_while_scanned(features, state, T_imu_lidar_);
+/// What the newest scan is to be deskewed with (in `odom`), instead of `v_deskew`, which it was deskewed
+/// with.
+Eigen::Vector3d ScanEstimator::deskew_velocity(const Eigen::Vector3d& v_deskew, bool is_reviewed) const {
+  const imu::NavState& newest = smoother_.newest();
+  // While scans alone tell the velocity, one that is wrong by d shifts what is seen at the beginning of a
+  // sweep by d times its duration, so that the next are wrong by d_k = d_k-1 - d_k-2, which oscillates for
+  // ever. With the mean of the last two, d_k = (d_k-1 - d_k-3) / 2, which fades.
+  if (newest.imu_status != imu::ImuStatus::kInitialised && scan_count_ > 1)
+    return 0.5 * (before_.v_odom + v_earlier_);
+  return moving_start_ && is_reviewed ? newest.v_odom : v_deskew;
 }
 
-/// While scans alone tell the velocity: one that is wrong by d shifts what is seen at the beginning of a
-/// sweep by d times its duration, so that the next velocities are wrong by d_k = d_k-1 - d_k-2, which
-/// oscillates for ever. Deskewed with the mean of the last two, d_k = (d_k-1 - d_k-3) / 2, which fades.
-FeatureSet ScanEstimator::deskewed_calmly(const FeatureSet& features, const Eigen::Vector3d& v_deskew) const {
+FeatureSet ScanEstimator::deskewed_anew(FeatureSet features, const Eigen::Vector3d& v_deskew,
+                                        bool is_reviewed) const {
   imu::NavState state = smoother_.newest();
-  state.v_odom = 0.5 * (before_.v_odom + v_earlier_);
-  return deskewed_anew(features, v_deskew, state);
+  state.v_odom = deskew_velocity(v_deskew, is_reviewed) - v_deskew;
+  if (state.v_odom.isZero(0.0)) return features;
+  return moved_while_scanned(std::move(features), state, T_imu_lidar_);
 }
 
 /// The newest scan against the map: its pose, and what was matched.
@@ -371,18 +375,17 @@ std::optional<EstimateResult> ScanEstimator::add(EstimatorInput input, bool is_r
   adapted_ = adapt(config_.adaptation, config_.mapping, input.degeneracy);
   EstimateResult result;
   FeatureSet features = std::move(input.features);
-  if (smoother_.empty()) {
+  const bool is_first = smoother_.empty();
+  if (is_first) {
     start(features, imu);
-    if (moving_start_) features = deskewed_anew(features, input.v_deskew, smoother_.newest());
   } else {
     v_earlier_ = before_.v_odom;
     before_ = smoother_.newest();
     predict(features, imu);
     if (first_) search_motion(imu, &features);
-    if (moving_start_ && is_reviewed) features = deskewed_anew(features, input.v_deskew, smoother_.newest());
-    const bool is_predicted = smoother_.newest().imu_status == imu::ImuStatus::kInitialised;
-    if (!moving_start_ && !is_predicted && scan_count_ > 1)
-      features = deskewed_calmly(features, input.v_deskew);
+  }
+  features = deskewed_anew(std::move(features), input.v_deskew, is_reviewed);
+  if (!is_first) {
     if (config_.mapping.calibrate_beams) features = beams_.apply(std::move(features), smoother_.newest());
     match(features, imu, &result);
     take_up_imu(imu);

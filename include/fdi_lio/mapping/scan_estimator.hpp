@@ -62,9 +62,8 @@ class ScanEstimator {
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void search_motion(const std::optional<imu::Preintegration>& imu, FeatureSet* features);
-  FeatureSet deskewed_anew(const FeatureSet& features, const Eigen::Vector3d& v_deskew,
-                           imu::NavState state) const;
-  FeatureSet deskewed_calmly(const FeatureSet& features, const Eigen::Vector3d& v_deskew) const;
+  Eigen::Vector3d deskew_velocity(const Eigen::Vector3d& v_deskew, bool is_reviewed) const;
+  FeatureSet deskewed_anew(FeatureSet features, const Eigen::Vector3d& v_deskew, bool is_reviewed) const;
   void match(const FeatureSet& features, const std::optional<imu::Preintegration>& imu,
              EstimateResult* result);
   LidarInformation optimise(const MatchInput& input, bool is_shaken, EstimateResult* result);
