@@ -56,6 +56,13 @@ install_noetic() {
   rosdep install --from-paths "$here" --ignore-src --rosdistro noetic -y
 }
 
+# roslaunch and the nodes look up localhost; a bare chroot or container may have no /etc/hosts.
+name_localhost() {
+  if getent hosts localhost >/dev/null; then return; fi
+  echo "setup: localhost has no address, and ROS needs one: adding 127.0.0.1 to /etc/hosts"
+  echo "127.0.0.1 localhost" | as_root tee -a /etc/hosts >/dev/null
+}
+
 # shellcheck disable=SC1091
 . /etc/os-release
 case "${ID}:${VERSION_ID:-}" in
@@ -66,3 +73,4 @@ case "${ID}:${VERSION_ID:-}" in
     exit 1
     ;;
 esac
+name_localhost
