@@ -14,17 +14,26 @@ namespace {
 
 using scan::RangeImage;
 
-/// Keyframes before and after that are asked in turn. Most points are where all see them: those that two of
-/// the first see and none looks through are not asked about again, nor those that none of the first and
-/// second looks through.
-const std::array<std::vector<std::size_t>, 3> kSteps = {{{16, 4}, {8, 2}, {12, 6, 3, 1}}};
-constexpr std::size_t kReach = 16;
+constexpr std::size_t kReach = 24;
 constexpr int kEnoughThere = 2;
 constexpr int kLeastFree = 2;
+constexpr int kFreeOverThere = 2;
+/// Between a point, the mean of a voxel, and a beam that says that nothing is there: half a voxel.
+constexpr float kMostMissM = 0.1F;
+constexpr float kLeastFall = 0.01F;  ///< of a beam against the ground, in a metre: no ground is quite level
 /// Of the margins of the filter, which compares points of one second: here they are means of a voxel, and the
-/// odometry has drifted for up to 16 keyframes.
+/// odometry has drifted for up to 24 keyframes.
 constexpr float kMarginFactor = 2.0F;
 constexpr std::size_t kChunk = 4096;  // a multiple of RangeImage::Directions::kSize
+
+/// How many keyframes before and after are asked in turn: most points are where all see them.
+std::array<std::vector<std::size_t>, 2> steps() {
+  std::array<std::vector<std::size_t>, 2> steps = {{{2, 4, 8, 16}, {}}};
+  for (std::size_t step = 1; step <= kReach; ++step) {
+    if (std::count(steps[0].begin(), steps[0].end(), step) == 0) steps[1].push_back(step);
+  }
+  return steps;
+}
 
 }  // namespace
 
@@ -53,13 +62,31 @@ std::vector<GhostRemover::Witness> GhostRemover::witnesses(std::size_t keyframe,
     if (number < first_ || number >= first_ + views_.size()) return;
     const View& view = views_[number - first_];
     if (view.image && view.stretch == own.stretch)
-      found.push_back({view.image.get(), (view.T_odom_lidar.inverse() * T_odom_imu).cast<float>()});
+      found.push_back({view.image.get(), (view.T_odom_lidar.inverse() * T_odom_imu).cast<float>(),
+                       view.T_odom_lidar.linear().row(2).transpose().cast<float>()});
   };
   for (const std::size_t step : steps) {
     if (step <= keyframe) call(keyframe - step);
     call(keyframe + step);
   }
   return found;
+}
+
+bool GhostRemover::Witness::looks_through(const RangeImage::Directions& seen, int k, float margin_m) const {
+  const int ring = seen.ring[k];
+  const int column = seen.column[k];
+  const float range = seen.range_m[k];
+  if (!image->ring_saw_farther(ring, column, range + margin_m)) return false;
+  if (image->saw_farther(ring, column, range + margin_m)) return true;
+  const Eigen::Vector3f point(seen.x[k], seen.y[k], seen.z[k]);
+  const Eigen::Vector3f beam = image->beam_towards(ring, column, point);
+  const Eigen::Vector3f miss = range * beam - point;
+  if (miss.norm() > kMostMissM) return false;
+  const float above = up.dot(miss);
+  const float fall = -up.dot(beam);
+  if (above <= 0.0F || fall <= 0.0F) return true;
+  return fall > kLeastFall &&
+         image->ring_saw_farther(ring, column, range + above / (fall - kLeastFall) + margin_m);
 }
 
 void GhostRemover::ask(const std::vector<Witness>& witnesses, const std::vector<Point>& points,
@@ -82,7 +109,7 @@ void GhostRemover::ask(const std::vector<Witness>& witnesses, const std::vector<
           Votes& vote = (*votes)[chosen[first + static_cast<std::size_t>(k)]];
           if (measured > 0.0F && std::abs(measured - range) <= 0.5F * margin) {
             ++vote.there;
-          } else if (witness.image->saw_farther(seen.ring[k], seen.column[k], range + margin)) {
+          } else if (witness.looks_through(seen, k, margin)) {
             ++vote.free;
           }
         }
@@ -95,26 +122,24 @@ std::vector<Point> GhostRemover::kept(const std::vector<Point>& points, const Ro
   std::vector<Votes> votes(points.size());
   std::vector<std::uint32_t> chosen(points.size());
   std::iota(chosen.begin(), chosen.end(), 0U);
-  bool is_asked = false;
-  for (std::size_t round = 0; round < rounds.size(); ++round) {
-    ask(rounds[round], points, chosen, &votes);
-    is_asked = is_asked || !rounds[round].empty();
-    if (!is_asked) continue;
-    const int enough_there = round == 0 ? kEnoughThere : 0;
-    const auto is_sure = [&votes, enough_there](std::uint32_t i) {
-      return votes[i].free == 0 && votes[i].there >= enough_there;
-    };
+  const auto is_sure = [&votes](std::uint32_t i) {
+    return votes[i].free == 0 && votes[i].there >= kEnoughThere;
+  };
+  for (const std::vector<Witness>& round : rounds) {
+    ask(round, points, chosen, &votes);
     chosen.erase(std::remove_if(chosen.begin(), chosen.end(), is_sure), chosen.end());
   }
   std::vector<Point> result;
   result.reserve(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (votes[i].free < kLeastFree || votes[i].free <= votes[i].there) result.push_back(points[i]);
+    const bool goes = votes[i].free >= kLeastFree && votes[i].free > kFreeOverThere * votes[i].there;
+    if (!goes) result.push_back(points[i]);
   }
   return result;
 }
 
 std::optional<KeyframeCloud> GhostRemover::clean(std::size_t keyframe, const KeyframeCloud& cloud) const {
+  static const auto kSteps = steps();
   Rounds rounds;
   bool has_witness = false;
   for (std::size_t round = 0; round < rounds.size(); ++round) {

@@ -17,8 +17,10 @@ constexpr int kMaxColumns = 4096;
 constexpr double kColumnTolerance = 0.15;
 constexpr std::size_t kSpacingStride = 37;
 constexpr int kOriginRounds = 2;
-constexpr int kLeastCells =
-    4;  ///< of the nine about a direction, that must hold a range to say what lies there
+/// Of the nine about a direction, and of the three on one ring, that must hold a range to say what lies
+/// there.
+constexpr int kLeastCells = 4;
+constexpr int kLeastCellsOfRing = 2;
 
 /// Without branches, so that the compiler computes several at a time.
 inline float branchless_atan2(float y, float x) {
@@ -93,6 +95,7 @@ void RangeImage::learn_elevations(const DeskewedScan& scan) {
     int ring;
   };
   std::vector<Beam> beams;
+  sine_of_ring_.assign(static_cast<std::size_t>(rings_), 0.0F);
   for (int ring = 0; ring < rings_; ++ring) {
     double sum = 0.0;
     std::uint32_t count = 0;
@@ -100,7 +103,9 @@ void RangeImage::learn_elevations(const DeskewedScan& scan) {
       sum += sine_of_beam(scan, scan.points[i]);
       ++count;
     }
-    if (count > 0) beams.push_back({static_cast<float>(sum / count), ring});
+    if (count == 0) continue;
+    sine_of_ring_[static_cast<std::size_t>(ring)] = static_cast<float>(sum / count);
+    beams.push_back({sine_of_ring_[static_cast<std::size_t>(ring)], ring});
   }
   std::sort(beams.begin(), beams.end(), [](const Beam& a, const Beam& b) { return a.sine < b.sine; });
   ring_of_sine_.fill(-1);
@@ -210,9 +215,10 @@ FDI_LIO_WIDE_VECTORS void RangeImage::move_to_origins(Directions* directions) co
   }
 }
 
-bool RangeImage::saw_farther(int ring, int column, float range_m) const {
+bool RangeImage::saw_farther(int first_ring, int last_ring, int column, float range_m,
+                             int least_cells) const {
   int filled = 0;
-  for (int r = std::max(0, ring - 1); r <= std::min(rings_ - 1, ring + 1); ++r) {
+  for (int r = std::max(0, first_ring); r <= std::min(rings_ - 1, last_ring); ++r) {
     for (int c = column - 1; c <= column + 1; ++c) {
       const float range = range_at(r, c);
       if (range <= 0.0F) continue;
@@ -220,7 +226,24 @@ bool RangeImage::saw_farther(int ring, int column, float range_m) const {
       ++filled;
     }
   }
-  return filled >= kLeastCells;
+  return filled >= least_cells;
+}
+
+bool RangeImage::saw_farther(int ring, int column, float range_m) const {
+  return saw_farther(ring - 1, ring + 1, column, range_m, kLeastCells);
+}
+
+bool RangeImage::ring_saw_farther(int ring, int column, float range_m) const {
+  return saw_farther(ring, ring, column, range_m, kLeastCellsOfRing);
+}
+
+Eigen::Vector3f RangeImage::beam_towards(int ring, int column, const Eigen::Vector3f& point) const {
+  const auto k = static_cast<std::size_t>(column);
+  const Eigen::Vector3f axis =
+      turns_ ? Eigen::Vector3f(axis_x_[k], axis_y_[k], axis_z_[k]) : Eigen::Vector3f::UnitZ();
+  const Eigen::Vector3f level = point - axis.dot(point) * axis;
+  const float sine = sine_of_ring_[static_cast<std::size_t>(ring)];
+  return sine * axis + std::sqrt(1.0F - sine * sine) * level.normalized();
 }
 
 FDI_LIO_WIDE_VECTORS void RangeImage::project(Directions* directions) const {

@@ -12,33 +12,36 @@
 namespace fdi_lio::mapping {
 namespace {
 
-/// Sixteen beams at (x, 0) in a hall that reaches from (-30, -20) to (50, 20) m; with a box 2 m wide whose
-/// front is at `box_x_m`, if any.
-DeskewedScan scan_from(double x_m, const double* box_x_m) {
+/// Sixteen beams; `range_of` gives the range in a direction.
+template <typename Range>
+DeskewedScan cast(int columns, double spacing_rad, const Range& range_of) {
   DeskewedScan scan;
   scan.ring_begin.push_back(0);
   for (int ring = 0; ring < 16; ++ring) {
-    for (int column = 0; column < 720; ++column) {
-      const double azimuth = M_PI - 2.0 * M_PI * (column + 0.5) / 720.0;
-      const double elevation = (ring - 7.5) * 0.01;
-      const double c = std::cos(azimuth);
-      const double s = std::sin(azimuth);
-      double range_m = std::min((c > 0.0 ? 50.0 - x_m : -30.0 - x_m) / c, 20.0 / std::abs(s));
-      if (box_x_m != nullptr && c > 0.0) {
-        const double ahead_m = *box_x_m - x_m;
-        if (std::abs(ahead_m * s / c) < 1.0) range_m = ahead_m / c;
-      }
+    const double elevation = (ring - 7.5) * spacing_rad;
+    for (int column = 0; column < columns; ++column) {
+      const double azimuth = M_PI - 2.0 * M_PI * (column + 0.5) / columns;
+      const Eigen::Vector3d d(std::cos(elevation) * std::cos(azimuth),
+                              std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
       Point point;
-      point.position =
-          Eigen::Vector3d(range_m * std::cos(elevation) * std::cos(azimuth),
-                          range_m * std::cos(elevation) * std::sin(azimuth), range_m * std::sin(elevation))
-              .cast<float>();
+      point.position = (range_of(d) * d).template cast<float>();
       point.ring = static_cast<std::uint16_t>(ring);
       scan.points.push_back(point);
     }
     scan.ring_begin.push_back(static_cast<std::uint32_t>(scan.points.size()));
   }
   return scan;
+}
+
+/// At (x, 0) in a hall that reaches from (-30, -20) to (50, 20) m; with a box 2 m wide whose front is at
+/// `box_x_m`, if any.
+DeskewedScan scan_from(double x_m, const double* box_x_m) {
+  return cast(720, 0.01, [=](const Eigen::Vector3d& d) {
+    const double hall_m = std::min((d.x() > 0.0 ? 50.0 - x_m : -30.0 - x_m) / d.x(), 20.0 / std::abs(d.y()));
+    if (box_x_m == nullptr || d.x() <= 0.0) return hall_m;
+    const double front_m = (*box_x_m - x_m) / d.x();
+    return std::abs(front_m * d.y()) < 1.0 ? front_m : hall_m;
+  });
 }
 
 class Ghosts : public testing::Test {
@@ -100,6 +103,67 @@ TEST_F(Ghosts, WhatStandsStillStays) {
     const double place = 18.0;
     const DeskewedScan seen = scan_from(kStepM * static_cast<double>(k), &place);
     EXPECT_GT(clouds_[k].surface.size(), 0.99 * static_cast<double>(seen.points.size())) << k;
+  }
+}
+
+TEST_F(Ghosts, WhatAThirdOfTheKeyframesSeeStays) {
+  // Eleven keyframes see it from beside the one in question, at most 20 look through its place.
+  drive([](int k) { return k < 12 ? std::optional<double>(14.0) : std::nullopt; });
+  const double place = 14.0;
+  const DeskewedScan seen = scan_from(kStepM * 6, &place);
+  const auto before = std::count_if(seen.points.begin(), seen.points.end(),
+                                    [](const Point& p) { return p.position.norm() < 15.0F; });
+  EXPECT_GT(static_cast<double>(box_points(6)), 0.95 * static_cast<double>(before));
+}
+
+/// Beams two degrees apart at (x, 0), 0.6 m above the ground of a hall that reaches from (-40, -40) to (60,
+/// 40) m; with a post of 0.6 x 0.6 m that is 1.7 m high, on the ground at (`post_x_m`, 0.5), if any.
+DeskewedScan scan_above_ground(double x_m, const double* post_x_m) {
+  return cast(900, M_PI / 90.0, [=](const Eigen::Vector3d& d) {
+    double range_m = std::min((d.x() > 0.0 ? 60.0 - x_m : -40.0 - x_m) / d.x(), 40.0 / std::abs(d.y()));
+    if (d.z() < 0.0) range_m = std::min(range_m, -0.6 / d.z());
+    if (post_x_m == nullptr || d.x() <= 0.0) return range_m;
+    const double front_m = (*post_x_m - 0.3 - x_m) / d.x();
+    const bool hits = std::abs(front_m * d.y() - 0.5) < 0.3 && front_m * d.z() < 1.1;
+    return hits ? std::min(front_m, range_m) : range_m;
+  });
+}
+
+TEST(GhostRemover, SparseBeamsThatPassThroughAPlaceTellThatItIsEmpty) {
+  // Someone stands before the sensor in one keyframe. Below its legs the next ring always sees the ground
+  // before them.
+  constexpr int kKeyframes = 49;
+  constexpr int kSeen = 24;
+  const auto x_m = [](int k) { return 0.2 * k; };
+  const double post_x_m = x_m(kSeen) + 6.0;
+  GhostRemover remover(scan::DynamicConfig(), Eigen::Isometry3d::Identity());
+  std::vector<KeyframeCloud> clouds;
+  for (int k = 0; k < kKeyframes; ++k) {
+    DeskewedScan scan = scan_above_ground(x_m(k), k == kSeen ? &post_x_m : nullptr);
+    auto image = std::make_shared<scan::RangeImage>();
+    image->build(&scan);
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.translation().x() = x_m(k);
+    clouds.push_back({scan.points, {}, {}});
+    remover.add(T, std::move(image), false);
+  }
+  const auto is_on_post = [](const Point& p) {
+    return std::abs(p.position.x() - 5.7F) < 0.01F && std::abs(p.position.y() - 0.5F) < 0.31F;
+  };
+  while (const auto next = remover.next(true)) {
+    const std::vector<Point>& before = clouds[*next].surface;
+    const auto cleaned = remover.clean(*next, clouds[*next]);
+    const std::vector<Point>& after = cleaned ? cleaned->surface : before;
+    const auto on_post_before = std::count_if(before.begin(), before.end(), is_on_post);
+    const auto on_post_after = std::count_if(after.begin(), after.end(), is_on_post);
+    if (*next == kSeen) {
+      EXPECT_GT(on_post_before, 25);
+      EXPECT_EQ(on_post_after, 0);
+    }
+    // The rest is ground and walls.
+    EXPECT_GT(static_cast<double>(after.size()) - static_cast<double>(on_post_after),
+              0.995 * static_cast<double>(before.size() - static_cast<std::size_t>(on_post_before)))
+        << *next;
   }
 }
 

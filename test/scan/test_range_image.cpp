@@ -238,6 +238,53 @@ TEST(RangeImage, LooksNowhereAboveAndBelowTheBeams) {
   EXPECT_FALSE(image.look_at(Eigen::Vector3f::Zero()).is_inside);
 }
 
+TEST(RangeImage, KnowsHowFarABeamPassesAboveAPoint) {
+  LabelledScan labelled = hall_scan();
+  RangeImage image;
+  image.build(&labelled.scan);
+  int asked = 0;
+  for (std::size_t i = 0; i < labelled.scan.points.size(); i += 101) {
+    const Eigen::Vector3f p = labelled.scan.points[i].position;
+    const float range = p.norm();
+    const float level = p.head<2>().norm();
+    for (const float below_m : {0.0F, 0.02F, 0.05F}) {
+      const float elevation = std::atan2(p.z(), level) - below_m / range;
+      const Eigen::Vector3f below =
+          range * Eigen::Vector3f(std::cos(elevation) * p.x() / level, std::cos(elevation) * p.y() / level,
+                                  std::sin(elevation));
+      const RangeImage::Direction direction = image.look_at(below);
+      if (direction.ring != labelled.scan.points[i].ring) continue;
+      const Eigen::Vector3f beam = image.beam_towards(direction.ring, direction.column, below);
+      EXPECT_NEAR(beam.norm(), 1.0F, 1e-5F);
+      EXPECT_LT((range * beam - p).norm(), 2e-3F) << i;
+      ++asked;
+    }
+  }
+  EXPECT_GT(asked, 300);
+}
+
+TEST(RangeImage, ARingSawFartherWhateverItsNeighboursSaw) {
+  LabelledScan labelled = hall_scan();
+  RangeImage image;
+  image.build(&labelled.scan);
+  int alone = 0;
+  for (int ring = 0; ring < image.rings(); ++ring) {
+    for (int column = 1; column + 1 < image.columns(); column += 7) {
+      const float range = 0.97F * image.range_at(ring, column);
+      int filled = 0;
+      bool all_farther = true;
+      for (int c = column - 1; c <= column + 1; ++c) {
+        const float seen = image.range_at(ring, c);
+        if (seen > 0.0F) ++filled;
+        all_farther = all_farther && (seen <= 0.0F || seen > range);
+      }
+      EXPECT_EQ(image.ring_saw_farther(ring, column, range), all_farther && filled >= 2);
+      if (image.ring_saw_farther(ring, column, range) && !image.saw_farther(ring, column, range)) ++alone;
+    }
+  }
+  EXPECT_GT(alone, 50);
+}
+
 TEST(RangeImage, EmptyScanIsEmpty) {
   DeskewedScan scan;
   RangeImage image;

@@ -20,13 +20,16 @@ namespace fdi_lio::mapping {
 /// looked through, before and afterwards. The filter of the scans knows the past only, and has to decide at
 /// once.
 ///
-/// A point is looked for in the range images of the keyframes 1, 2, 3, 4, 6, 8, 12 and 16 before and after
-/// its own. One that measured its range within margin / 2 says that it is there; one that measured more than
-/// its range plus the margin in all of the nine cells about its direction says that it is not, with margin =
-/// 2 (`dynamic.free_margin` + `dynamic.free_margin_share` range). It goes when at least two say that it is
-/// not, and more than say that it is. They are asked in three rounds, 4 and 16, 2 and 8, then the others:
-/// what two of the first round see and none looks through is not asked about again, nor what none of the
-/// first two rounds looks through.
+/// A point is looked for in the range images of the keyframes 2, 4, 8 and 16 before and after its own, and
+/// then, unless two of them see it and none looks through it, in all others up to 24. With margin =
+/// 2 (`dynamic.free_margin` + `dynamic.free_margin_share` range) one says that it is there by its range
+/// within margin / 2. That it is not, one says that measured more than its range r plus the margin in the
+/// three cells about its direction on that ring, and either in all of the nine about it, or with a beam that
+/// passes within 10 cm of it: beside sparse rings the nine see the ground before it. A falling beam that
+/// passes above the point by a must then have gone farther than a level surface through the point explains,
+///   r + a / (f - 0.01) + margin,   f: what the beam falls by in a metre,
+/// since over ground it always passes. A point goes when at least two say that it is not there, and more than
+/// twice as many as say that it is.
 class GhostRemover {
  public:
   GhostRemover(const scan::DynamicConfig& config, const Eigen::Isometry3d& T_imu_lidar);
@@ -55,8 +58,12 @@ class GhostRemover {
   struct Witness {
     const scan::RangeImage* image;
     Eigen::Isometry3f T_lidar_imu;  ///< from the IMU frame of the keyframe in question
+    Eigen::Vector3f up;             ///< unit vector in its lidar's frame
+
+    /// Whether nothing was where it looked towards the point k of `seen`.
+    bool looks_through(const scan::RangeImage::Directions& seen, int k, float margin_m) const;
   };
-  using Rounds = std::array<std::vector<Witness>, 3>;  ///< in the order in which they are asked
+  using Rounds = std::array<std::vector<Witness>, 2>;  ///< in the order in which they are asked
   struct Votes {
     int free = 0;
     int there = 0;

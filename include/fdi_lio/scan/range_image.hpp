@@ -40,6 +40,13 @@ class RangeImage {
   /// do.
   bool saw_farther(int ring, int column, float range_m) const;
 
+  /// The same of the three cells on the ring alone: what its neighbours saw, above and below, is left open.
+  bool ring_saw_farther(int ring, int column, float range_m) const;
+
+  /// Unit vector along the beam of a ring that passes above or below a point, as `look_at` left it (seen from
+  /// where the lidar was then), in the column that it lies in.
+  Eigen::Vector3f beam_towards(int ring, int column, const Eigen::Vector3f& point) const;
+
   /// Cell that looks towards a point in this scan's lidar frame.
   struct Direction {
     int ring = 0;
@@ -65,7 +72,8 @@ class RangeImage {
       z[k] = point.z();
     }
   };
-  /// Fills range, column and ring of the points (x, y, z), which are moved to `T` times them.
+  /// Fills range, column and ring of the points (x, y, z), which are moved to `T` times them and to where the
+  /// lidar saw them from.
   void look_at(const Eigen::Isometry3f& T, Directions* directions) const;
 
  private:
@@ -76,6 +84,7 @@ class RangeImage {
     return static_cast<std::size_t>(ring) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(wrapped);
   }
+  bool saw_farther(int first_ring, int last_ring, int column, float range_m, int least_cells) const;
   void learn_motion(const DeskewedScan& scan);
   /// Moves the points to directions from where the lidar looked at them from.
   void move_to_origins(Directions* directions) const;
@@ -92,6 +101,7 @@ class RangeImage {
   std::vector<float> seen_ago_;                              ///< of each column, as a share of the sweep
   bool turns_ = false;                                       ///< the lidar's axis, during the sweep
   std::vector<float> axis_x_, axis_y_, axis_z_;              ///< of each column, if it turns
+  std::vector<float> sine_of_ring_;                          ///< of the elevation, mean of the ring's beams
   std::array<std::int16_t, kElevationBins> ring_of_sine_{};  ///< -1: no beam looks there
 };
 
