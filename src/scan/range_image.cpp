@@ -243,7 +243,7 @@ Eigen::Vector3f RangeImage::beam_towards(int ring, int column, const Eigen::Vect
       turns_ ? Eigen::Vector3f(axis_x_[k], axis_y_[k], axis_z_[k]) : Eigen::Vector3f::UnitZ();
   const Eigen::Vector3f level = point - axis.dot(point) * axis;
   const float sine = sine_of_ring_[static_cast<std::size_t>(ring)];
-  return sine * axis + std::sqrt(1.0F - sine * sine) * level.normalized();
+  return sine * axis + std::sqrt(std::max(0.0F, 1.0F - sine * sine)) * level.normalized();
 }
 
 FDI_LIO_WIDE_VECTORS void RangeImage::project(Directions* directions) const {

@@ -107,7 +107,7 @@ TEST_F(Ghosts, WhatStandsStillStays) {
 }
 
 TEST_F(Ghosts, WhatAThirdOfTheKeyframesSeeStays) {
-  // Eleven keyframes see it from beside the one in question, at most 20 look through its place.
+  // Of keyframe 6 eleven others see it, and 19 within reach look through its place later.
   drive([](int k) { return k < 12 ? std::optional<double>(14.0) : std::nullopt; });
   const double place = 14.0;
   const DeskewedScan seen = scan_from(kStepM * 6, &place);

@@ -209,6 +209,25 @@ TEST(RangeImage, KnowsHowTheSensorNodsInTheSweep) {
   EXPECT_GT(misplaced(scan, image), 0.5);
 }
 
+TEST(RangeImage, KnowsTheBeamsOfALidarThatDrivesOrNodsInTheSweep) {
+  for (DeskewedScan scan : {driven_sweep(), nodded_sweep()}) {
+    RangeImage image;
+    image.build(&scan);
+    int asked = 0;
+    for (std::size_t i = 0; i < scan.points.size(); i += 97) {
+      RangeImage::Directions one;
+      one.set(0, scan.points[i].position);
+      image.look_at(Eigen::Isometry3f::Identity(), &one);
+      if (one.ring[0] != scan.points[i].ring) continue;
+      const Eigen::Vector3f seen(one.x[0], one.y[0], one.z[0]);
+      EXPECT_LT((image.beam_towards(one.ring[0], one.column[0], seen) - seen.normalized()).norm(), 5e-3F)
+          << i;
+      ++asked;
+    }
+    EXPECT_GT(asked, 50);
+  }
+}
+
 TEST(RangeImage, ACellHoldsItsNearestPointAndColumnsWrap) {
   LabelledScan labelled = hall_scan();
   RangeImage image;
@@ -238,7 +257,7 @@ TEST(RangeImage, LooksNowhereAboveAndBelowTheBeams) {
   EXPECT_FALSE(image.look_at(Eigen::Vector3f::Zero()).is_inside);
 }
 
-TEST(RangeImage, KnowsHowFarABeamPassesAboveAPoint) {
+TEST(RangeImage, KnowsTheBeamThatPassesAboveAPoint) {
   LabelledScan labelled = hall_scan();
   RangeImage image;
   image.build(&labelled.scan);

@@ -21,15 +21,15 @@ namespace fdi_lio::mapping {
 /// once.
 ///
 /// A point is looked for in the range images of the keyframes 2, 4, 8 and 16 before and after its own, and
-/// then, unless two of them see it and none looks through it, in all others up to 24. With margin =
-/// 2 (`dynamic.free_margin` + `dynamic.free_margin_share` range) one says that it is there by its range
-/// within margin / 2. That it is not, one says that measured more than its range r plus the margin in the
-/// three cells about its direction on that ring, and either in all of the nine about it, or with a beam that
-/// passes within 10 cm of it: beside sparse rings the nine see the ground before it. A falling beam that
-/// passes above the point by a must then have gone farther than a level surface through the point explains,
-///   r + a / (f - 0.01) + margin,   f: what the beam falls by in a metre,
-/// since over ground it always passes. A point goes when at least two say that it is not there, and more than
-/// twice as many as say that it is.
+/// then, unless two of them see it and none looks through it, in all others up to 24. With r its range from
+/// there and m = 2 (`dynamic.free_margin` + `dynamic.free_margin_share` r), a keyframe
+///   sees it            when it measured a range within m / 2 of r,
+///   looks through it   when it measured more than r + m in the three cells about its direction on that ring,
+///                      and in all of the nine about it, or with a beam that passes within 10 cm of it.
+/// Beside sparse rings the nine hold the ground before it, hence the beam. Over ground each beam passes: a
+/// falling one that passes above the point by a must have gone farther than a level surface through the point
+/// lets it, r + a / (f - 0.01) + m with f, what it falls by in a metre. A point goes when at least two look
+/// through it, and more than twice as many as see it.
 class GhostRemover {
  public:
   GhostRemover(const scan::DynamicConfig& config, const Eigen::Isometry3d& T_imu_lidar);
