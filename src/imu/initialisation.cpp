@@ -105,7 +105,10 @@ std::optional<AlignmentResult> align_in_motion(const Eigen::Quaterniond& first_q
   result.v_odom = x.row(1).transpose() + result.g_odom * time_s + v;
   result.gravity_sigma_mps2 = std::sqrt(inverse(2, 2) * variance.maxCoeff());
   result.gravity_error_mps2 = std::abs(result.g_odom.norm() - gravity_mps2);
+  const Eigen::Vector3d felt_g_odom = result.g_odom;
   result.g_odom *= gravity_mps2 / result.g_odom.norm();
+  result.accel_bias = intervals.back().imu.accel_bias +
+                      intervals.back().q_odom_imu.conjugate() * (result.g_odom - felt_g_odom);
   return result;
 }
 

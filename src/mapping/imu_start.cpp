@@ -39,9 +39,11 @@ std::optional<ImuStart::Found> ImuStart::at_rest(const imu::NavState& newest,
   imu::NavState state = newest;
   state.v_odom.setZero();
   state.gyro_bias = imu.recent.mean_angular_velocity;
-  state.accel_bias.setZero();
-  state.g_odom =
-      -config_.sensor.gravity_mps2 * (state.q_odom_imu * imu.recent.mean_acceleration).normalized();
+  // a = b_a - R' g holds, which the smoother starts from: what |a| differs from |g| by is bias.
+  const Eigen::Vector3d& felt = imu.recent.mean_acceleration;
+  const Eigen::Vector3d up_imu = felt.normalized();
+  state.accel_bias = felt - config_.sensor.gravity_mps2 * up_imu;
+  state.g_odom = -config_.sensor.gravity_mps2 * (state.q_odom_imu * up_imu);
   state.w_imu.setZero();
   Smoother::InitialSigma sigma;
   sigma.velocity = 0.02;
@@ -91,7 +93,7 @@ std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, 
   if (!is_good && intervals_.size() < enough) return std::nullopt;
   imu::NavState state = newest;
   state.gyro_bias = aligned->gyro_bias;
-  state.accel_bias.setZero();
+  state.accel_bias = aligned->accel_bias;
   state.g_odom = aligned->g_odom;
   state.v_odom = aligned->v_odom;
   state.w_imu = imu.last_angular_velocity - state.gyro_bias;

@@ -1,5 +1,6 @@
 #include <optional>
 #include <random>
+#include <vector>
 
 #include "synthetic_motion.hpp"
 #include <gtest/gtest.h>
@@ -35,6 +36,32 @@ TEST(ImuStart, AtRestGravityAndBiasAreTheMeans) {
   EXPECT_LT((found->state.gyro_bias - Eigen::Vector3d(1e-3, -2e-3, 3e-3)).norm(), 1e-12);
   EXPECT_LT((found->state.g_odom - Eigen::Vector3d(0.0, 0.0, -9.80665)).norm(), 1e-9);
   EXPECT_TRUE(reporter.has("imu_static"));
+}
+
+/// The length of what is felt tells the bias along gravity. Without it the estimate would rise or sink by the
+/// difference, where few beams see the ground.
+TEST(ImuStart, AtRestTheStatePredictsRest) {
+  constexpr double kBias = 0.4;  // [m/s^2]
+  Config config;
+  Reporter reporter;
+  imu::Preintegration readings = rest();
+  readings.recent.mean_acceleration =
+      (config.sensor.gravity_mps2 + kBias) * readings.recent.mean_acceleration.normalized();
+  imu::NavState state;
+  state.q_odom_imu = imu::level_orientation(readings.recent);
+  const auto found = ImuStart(config, &reporter).at_rest(state, readings);
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->state.accel_bias.norm(), kBias, 1e-9);
+  std::vector<imu::ImuSample> samples;
+  for (Stamp stamp = 0; stamp <= to_nanoseconds(1.0); stamp += to_nanoseconds(0.01)) {
+    samples.push_back({stamp, readings.recent.mean_acceleration, readings.recent.mean_angular_velocity});
+  }
+  const imu::Preintegration motion =
+      imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, found->state.gyro_bias,
+                        Eigen::Vector3d::Zero(), imu::ImuNoise(), config.imu);
+  const imu::NavState after = imu::predict(found->state, motion);
+  EXPECT_LT(after.v_odom.norm(), 1e-6);
+  EXPECT_LT((after.t_odom_imu - found->state.t_odom_imu).norm(), 1e-6);
 }
 
 TEST(ImuStart, ASmoothDriveIsNotAtRest) {

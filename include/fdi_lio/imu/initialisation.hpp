@@ -31,6 +31,7 @@ struct AlignmentInterval {
 
 struct AlignmentResult {
   Eigen::Vector3d gyro_bias;
+  Eigen::Vector3d accel_bias;  ///< the part along gravity, by which |g| found differs from |g| known
   Eigen::Vector3d g_odom;
   Eigen::Vector3d v_odom;         ///< at the end of the last interval
   double gravity_error_mps2 = 0;  ///< | |g| found - |g| known |, the check that the alignment is sound
