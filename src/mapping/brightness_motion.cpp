@@ -26,8 +26,9 @@ constexpr double kOpenStep = 1.0;     ///< the same along the direction that sur
 constexpr double kAcrossReach = 0.5;  ///< to both sides of what surfaces say across it
 constexpr double kFirstStep = 2.0;    ///< of the search about a candidate [m/s]
 constexpr double kLastStep = 0.5;
-constexpr int kHillSteps = 5;  ///< to each side of the velocity found
-constexpr double kHillStep = 0.4;
+constexpr int kHillSteps = 15;         ///< to each side of the velocity found
+constexpr double kHillStep = 0.2;      ///< [m/s]
+constexpr int kTopSteps = 3;           ///< of the hill, to each side of the highest
 constexpr int kMostMoves = 4;          ///< of each size
 constexpr double kSameVelocity = 3.0;  ///< below, two velocities are one
 constexpr std::size_t kFinalists = 6;
@@ -45,30 +46,65 @@ struct Hypothesis {
   double score = 0.0;
 };
 
-/// What a block says of the usual velocity.
-DetailCells::Fits medians(const std::vector<Hypothesis>& all) {
-  DetailCells::Fits result;
-  std::vector<float> values;
-  for (std::size_t b = 0; b < DetailCells::kBlocks; ++b) {
-    values.clear();
-    for (const Hypothesis& hypothesis : all) {
-      if (!std::isnan(hypothesis.fits[b])) values.push_back(hypothesis.fits[b]);
-    }
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    result[b] = values.empty() ? DetailCells::kSilent : *middle;
-  }
-  return result;
+/// The median, which the values are sorted about; 0 of none.
+float median(std::vector<float>* values) {
+  if (values->empty()) return 0.0F;
+  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
 }
 
-double votes(const DetailCells::Fits& one, const DetailCells::Fits& other) {
-  double sum = 0.0;
-  for (std::size_t b = 0; b < DetailCells::kBlocks; ++b) {
-    if (std::isnan(one[b]) || std::isnan(other[b])) continue;
-    const double weight = b < DetailCells::kLying ? 1.0 : kStandingWeight;
-    sum += weight * std::clamp(static_cast<double>(one[b]) - static_cast<double>(other[b]), -1.0, 1.0);
+/// How the blocks vote between velocities. A vehicle beside the sensor is a few blocks, and has as many
+/// votes, however well it is seen; blocks that compared fewer pairs of means than half of all have a part of
+/// a vote.
+class Ballot {
+ public:
+  explicit Ballot(const std::vector<Hypothesis>& all) {
+    std::vector<float> pairs;
+    std::vector<float> fits;
+    for (std::size_t b = 0; b < DetailCells::kBlocks; ++b) {
+      fits.clear();
+      for (const Hypothesis& hypothesis : all) {
+        if (hypothesis.fits[b].pairs <= 0.0F) continue;
+        fits.push_back(hypothesis.fits[b].fit);
+        pairs.push_back(hypothesis.fits[b].pairs);
+      }
+      if (!fits.empty()) usual_[b] = {median(&fits), std::numeric_limits<float>::infinity()};
+    }
+    whole_vote_pairs_ = median(&pairs);
   }
-  return sum;
+
+  double votes(const DetailCells::Fits& one, const DetailCells::Fits& other) const {
+    double sum = 0.0;
+    for (std::size_t b = 0; b < DetailCells::kBlocks; ++b) {
+      const float pairs = std::min({one[b].pairs, other[b].pairs, whole_vote_pairs_});
+      if (pairs <= 0.0F) continue;
+      const double share = static_cast<double>(pairs / whole_vote_pairs_);
+      const double weight = b < DetailCells::kLying ? 1.0 : kStandingWeight;
+      sum += share * weight * std::clamp(static_cast<double>(one[b].fit - other[b].fit), -1.0, 1.0);
+    }
+    return sum;
+  }
+
+  /// For a velocity over the usual one.
+  double votes(const DetailCells::Fits& one) const { return votes(one, usual_); }
+
+ private:
+  DetailCells::Fits usual_;
+  float whole_vote_pairs_ = 0.0F;
+};
+
+/// Mean of the fits of all pairs: what they are worth if their differences are independent. Sharper near the
+/// truth than one vote a block, but what drives counts by its size.
+double agreement(const DetailCells::Fits& fits) {
+  double sum = 0.0;
+  double pairs = 0.0;
+  for (const DetailCells::Fit& one : fits) {
+    if (one.pairs <= 0.0F) continue;
+    sum += static_cast<double>(one.pairs) * static_cast<double>(one.fit);
+    pairs += static_cast<double>(one.pairs);
+  }
+  return pairs > 0.0 ? sum / pairs : 0.0;
 }
 
 bool is_same(const Eigen::Vector3d& one, const Eigen::Vector3d& other) {
@@ -133,14 +169,14 @@ std::vector<Hypothesis> coarse_hypotheses(const std::vector<BrightScan>& scans,
 }
 
 /// The best velocity near by, in smaller and smaller steps.
-Hypothesis climbed(const std::vector<LaneScan>& scans, const Eigen::Vector3d& from,
-                   const DetailCells::Fits& usual, const Competition& competition) {
+Hypothesis climbed(const std::vector<LaneScan>& scans, const Eigen::Vector3d& from, const Ballot& ballot,
+                   const Competition& competition) {
   DetailCells cells;
   const auto at = [&](const Eigen::Vector3d& velocity) {
     Hypothesis hypothesis;
     hypothesis.velocity = velocity;
     hypothesis.fits = cells.fits(scans, velocity, kFine.farthest);
-    hypothesis.score = votes(hypothesis.fits, usual);
+    hypothesis.score = ballot.votes(hypothesis.fits);
     return hypothesis;
   };
   Hypothesis best = at(from);
@@ -164,31 +200,31 @@ Hypothesis climbed(const std::vector<LaneScan>& scans, const Eigen::Vector3d& fr
   return best;
 }
 
-/// The middle of the hill of votes, whose top is ragged by the cells: of a parabola through what velocities
-/// about it get, along each axis.
-Eigen::Vector3d refined(const std::vector<LaneScan>& scans, const Eigen::Vector3d& top,
-                        const DetailCells::Fits& usual, const Competition& competition) {
-  Eigen::Vector3d velocity = top;
+/// The top of the hill of agreement about a velocity, along each axis: of a parabola through its highest
+/// steps.
+Eigen::Vector3d refined(const std::vector<LaneScan>& scans, const Eigen::Vector3d& from,
+                        const Competition& competition) {
+  Eigen::Vector3d velocity = from;
   std::array<double, 2 * kHillSteps + 1> heights{};
   for (const Eigen::Vector3d& axis : competition.axes()) {
     parallel_chunks(heights.size(), 1, [&](std::size_t, std::size_t, std::size_t k) {
       DetailCells cells;
-      const double offset = kHillStep * (static_cast<double>(k) - kHillSteps);
-      const Eigen::Vector3d at = velocity + offset * axis;
-      heights[k] = votes(cells.fits(scans, at, kFine.farthest), usual);
+      const Eigen::Vector3d at = velocity + kHillStep * (static_cast<double>(k) - kHillSteps) * axis;
+      heights[k] = agreement(cells.fits(scans, at, kFine.farthest));
     });
+    const auto highest = std::max_element(heights.begin(), heights.end()) - heights.begin();
+    const int top = std::clamp(static_cast<int>(highest), kTopSteps, 2 * kHillSteps - kTopSteps);
     Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
     Eigen::Vector3d b = Eigen::Vector3d::Zero();
-    for (std::size_t k = 0; k < heights.size(); ++k) {
-      const double offset = kHillStep * (static_cast<double>(k) - kHillSteps);
-      const Eigen::Vector3d powers(1.0, offset, offset * offset);
+    for (int k = -kTopSteps; k <= kTopSteps; ++k) {
+      const Eigen::Vector3d powers(1.0, k, k * k);
       H += powers * powers.transpose();
-      b += heights[k] * powers;
+      b += heights[static_cast<std::size_t>(top + k)] * powers;
     }
     const Eigen::Vector3d parabola = H.inverse() * b;
-    if (parabola.z() >= 0.0) continue;
-    const double middle = -0.5 * parabola.y() / parabola.z();
-    if (std::abs(middle) <= kHillSteps * kHillStep) velocity += middle * axis;
+    const double beside = parabola.z() < 0.0 ? -0.5 * parabola.y() / parabola.z() : 0.0;
+    const double offset = top - kHillSteps + std::clamp<double>(beside, -kTopSteps, kTopSteps);
+    velocity += kHillStep * offset * axis;
   }
   return velocity;
 }
@@ -216,25 +252,25 @@ BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const Kno
   const Eigen::Vector3d known_velocity = (known.way - scans.back().gained_m) / time_s;
   const Competition competition(known_velocity, known.open_direction);
   std::vector<Hypothesis> coarse = coarse_hypotheses(scans, competition);
-  const DetailCells::Fits usual = medians(coarse);
-  for (Hypothesis& hypothesis : coarse) hypothesis.score = votes(hypothesis.fits, usual);
+  const Ballot ballot(coarse);
+  for (Hypothesis& hypothesis : coarse) hypothesis.score = ballot.votes(hypothesis.fits);
 
   const std::vector<Eigen::Vector3d> chosen = finalists(std::move(coarse), known_velocity);
   const std::vector<LaneScan> lanes = lanes_of(scans, kFine.stride);
   std::vector<Hypothesis> best(chosen.size());
   parallel_chunks(chosen.size(), 1, [&](std::size_t, std::size_t, std::size_t k) {
-    best[k] = climbed(lanes, chosen[k], usual, competition);
+    best[k] = climbed(lanes, chosen[k], ballot, competition);
   });
   BrightnessMotion motion;
   motion.lead = -std::numeric_limits<double>::infinity();
   for (const Hypothesis& one : best) {
     double lead = std::numeric_limits<double>::infinity();
     for (const Hypothesis& other : best) {
-      if (!is_same(one.velocity, other.velocity)) lead = std::min(lead, votes(one.fits, other.fits));
+      if (!is_same(one.velocity, other.velocity)) lead = std::min(lead, ballot.votes(one.fits, other.fits));
     }
     if (lead > motion.lead) motion = {one.velocity, lead, is_same(one.velocity, known_velocity)};
   }
-  motion.velocity = refined(lanes, motion.velocity, usual, competition);
+  motion.velocity = refined(lanes, motion.velocity, competition);
   return motion;
 }
 

@@ -148,11 +148,10 @@ DetailCells::Fits DetailCells::compare(std::size_t farthest) const {
     }
   }
   Fits result;
-  result.fill(kSilent);
   for (std::size_t b = 0; b < kBlocks; ++b) {
     if (counts[b] < kLeastCells) continue;
     const double mean = static_cast<double>(squares[b]) / static_cast<double>(counts[b]);
-    result[b] = static_cast<float>(-0.5 * std::log(mean + kNoise));
+    result[b] = {static_cast<float>(-0.5 * std::log(mean + kNoise)), static_cast<float>(counts[b])};
   }
   return result;
 }

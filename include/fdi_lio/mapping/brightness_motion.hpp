@@ -29,13 +29,15 @@ struct KnownMotion {
 /// `BrightScan::gained_mps`. For each velocity all points are moved to where they lie then;
 /// cells of 0.5 m hold the mean of their details in each scan, and scans are compared in the cells that both
 /// see. The differences d are gathered in blocks of 4 m about the sensor (a vehicle that keeps its place
-/// beside the sensor is a few blocks, however many scans see it); a block says -ln(mean d^2 + noise) / 2. One
-/// velocity beats another by the sum over the blocks of the difference, at most one a block. Candidates are
-/// all level velocities up to 45 m/s, those alone that agree with the surfaces where these leave one
-/// direction open, and the one that was estimated. Unlike surfaces alone, which look the same all along a
-/// guard rail or a tunnel, and rings on the ground, which travel with the sensor, what is painted stays. What
-/// stays in one direction from the sensor over all the scans is taken out of the details: it would speak for
-/// rest. The velocity is known to about 0.3 m/s.
+/// beside the sensor is a few blocks, however many scans see it); a block says f = -ln(mean d^2 + noise) / 2.
+/// One velocity beats another by the sum over the blocks of the difference, at most one a block, and less for
+/// blocks that compared fewer pairs than is usual. Candidates are all level velocities up to 45 m/s, those
+/// alone that agree with the surfaces where these leave one direction open, and the one that was estimated.
+/// About the winner, the mean of f over all pairs says where the top of its hill is.
+///
+/// Unlike surfaces alone, which look the same all along a guard rail or a tunnel, and rings on the ground,
+/// which travel with the sensor, what is painted stays. What stays in one direction from the sensor over all
+/// the scans is taken out of the details: it would speak for rest. The velocity is known to about 0.2 m/s.
 BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const KnownMotion& known);
 
 }  // namespace fdi_lio::mapping

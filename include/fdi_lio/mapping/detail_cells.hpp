@@ -3,7 +3,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include <Eigen/Core>
@@ -38,10 +37,13 @@ class DetailCells {
   /// Blocks of what lies; as many of what stands follow.
   static constexpr std::size_t kLying = static_cast<std::size_t>(kBlocksAcross) * kBlocksAcross;
   static constexpr std::size_t kBlocks = 2 * kLying;
-  static constexpr float kSilent = std::numeric_limits<float>::quiet_NaN();
 
-  /// What each block says of a velocity; kSilent where it compared too little.
-  using Fits = std::array<float, kBlocks>;
+  /// What a block says of a velocity.
+  struct Fit {
+    float fit = 0.0F;
+    float pairs = 0.0F;  ///< of means that were compared; 0: too few to say anything
+  };
+  using Fits = std::array<Fit, kBlocks>;
 
   /// -ln(mean squared difference + noise) / 2 of the means of scans that are at most `farthest` apart, by the
   /// blocks of the older; `velocity` at the first scan (level axes).
