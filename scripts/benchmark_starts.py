@@ -8,19 +8,16 @@ docs/benchmarks.md.
 
 import argparse
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Dict, List
 
 import numpy as np
 
 from fdi_lio_scripts import errors
-from fdi_lio_scripts.benchmark_programs import Programs
 from fdi_lio_scripts.errors import UserError
-from fdi_lio_scripts.evaluation import Settings, evaluate
+from fdi_lio_scripts.simulated_runs import SimulatedRuns, add_arguments
 from fdi_lio_scripts.trajectory import Trajectory
 from fdi_lio_scripts.trajectory_io import read_trajectory
 
-PACKAGE = Path(__file__).resolve().parent.parent
 GOOD_M = 0.5
 LOST_M = 5.0
 SPEED_OVER_S = 0.2
@@ -35,11 +32,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", nargs="+", type=int, required=True, metavar="N")
     parser.add_argument("--starts", nargs="+", type=float, required=True, metavar="S", help="in the recordings [s]")
     parser.add_argument("--duration", type=float, default=8.0, metavar="S", help="after each start [s]")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="for offline_slam")
-    parser.add_argument("--output", required=True, metavar="DIR", help="folder for recordings, which are deleted")
-    parser.add_argument("--bin", default=str(PACKAGE / "build/devel/lib/fdi_lio"), metavar="DIR",
-                        help="folder of simulate_bag and offline_slam")
-    parser.add_argument("--timeout", type=float, default=600.0, metavar="S", help="of one program [s]")
+    add_arguments(parser)
     arguments = parser.parse_args()
     if min(arguments.starts) < 0.0 or arguments.duration <= 1.0:
         parser.error("--starts must not be negative, --duration must be more than 1 s")
@@ -47,51 +40,32 @@ def parse_arguments() -> argparse.Namespace:
 
 
 class Starts:
-    """Runs the programs."""
+    """Measures the starts in one recording after another."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._arguments = arguments
-        self._bin = Path(arguments.bin)
-        self._output = Path(arguments.output)
-        self._output.mkdir(parents=True, exist_ok=True)
-        self._programs = Programs(arguments.timeout)
-        for program in ("simulate_bag", "offline_slam"):
-            if not (self._bin / program).is_file():
-                raise UserError(f"{self._bin / program}: not there: build first, or give --bin")
+        self._runs = SimulatedRuns(Path(arguments.bin), Path(arguments.output), arguments.timeout)
 
     def measure(self, scenario: str, seed: int) -> List[Dict[str, float]]:
         """Speed and error of each start in one recording; a start without a result has an infinite error."""
-        bag = self._output / f"{scenario}_{seed}.bag"
-        file = PACKAGE / "config/scenarios" / f"{scenario}.yaml"
         length_s = max(self._arguments.starts) + self._arguments.duration + 1.0
         try:
-            self._run(["simulate_bag", "--scenario", file, "--seed", seed, "--duration", length_s, "--output", bag])
+            bag = self._runs.simulate(scenario, seed, length_s, {})
             truth = read_trajectory(str(bag.with_suffix(".tum")))
             return [self._measure_one(bag, truth, start_s) for start_s in self._arguments.starts]
         finally:
-            for left in self._output.glob(f"{bag.stem}.*"):
-                left.unlink()
+            self._runs.remove(scenario, seed)
 
     def _measure_one(self, bag: Path, truth: Trajectory, start_s: float) -> Dict[str, float]:
         result = {"start_s": start_s, "speed_mps": speed_at(truth, start_s), "ate_m": float("inf")}
-        with TemporaryDirectory(dir=self._output) as folder:
-            run = Path(folder) / "run"
-            command = ["offline_slam", "--config", bag.with_suffix(".config.yaml"), "--bag", bag, "--output", run,
-                       "--start", start_s, "--duration", self._arguments.duration, "--set", "loop.enabled=false"]
-            for setting in self._arguments.set:
-                command += ["--set", setting]
-            try:
-                self._run(command)
-                estimate = read_trajectory(str(run / "odometry.tum"))
-                result["ate_m"] = evaluate(estimate, truth, Settings()).summary()["ate_m"]["rmse"]
-            except UserError as error:
-                print(f"{bag.stem} at {start_s:g} s: {error}", flush=True)
+        options = ["--start", start_s, "--duration", self._arguments.duration]
+        for setting in self._arguments.set:
+            options += ["--set", setting]
+        try:
+            result["ate_m"] = self._runs.odometry_ate_m(bag, truth, options)
+        except UserError as error:
+            print(f"{bag.stem} at {start_s:g} s: {error}", flush=True)
         return result
-
-    def _run(self, command: list) -> None:
-        outcome = self._programs.run([self._bin / command[0], *command[1:]])
-        if outcome.exit_code != 0:
-            raise UserError(f"{command[0]}: {outcome.stderr[-1] if outcome.stderr else 'no message'}")
 
 
 def speed_at(truth: Trajectory, start_s: float) -> float:
