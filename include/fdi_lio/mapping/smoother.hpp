@@ -36,7 +36,7 @@ class Smoother {
     double accel_bias = 0.1;
     double gravity = 0.1;
     /// Of the mean acceleration measured at rest, which ties accelerometer bias and gravity together
-    /// [m/s^2]; 0: not at rest.
+    /// [m/s^2], about those of the state: b_a - R' g has to be what was measured. 0: not at rest.
     double rest_acceleration = 0.0;
     double beam_elevation = 0.0;  ///< [rad]; 0: it is not estimated
   };
