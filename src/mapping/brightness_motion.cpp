@@ -21,10 +21,9 @@ namespace {
 /// Of a vote: what stands may drive.
 constexpr double kStandingWeight = 0.4;
 constexpr double kMaxSpeed = 45.0;
-constexpr double kCoarseStep = 3.0;   ///< [m/s]
-constexpr double kOpenStep = 1.0;     ///< the same along the direction that surfaces leave open
-constexpr double kAcrossReach = 0.5;  ///< to both sides of what surfaces say across it
-constexpr double kFirstStep = 2.0;    ///< of the search about a candidate [m/s]
+constexpr double kCoarseStep = 3.0;  ///< [m/s]
+constexpr double kOpenStep = 1.0;    ///< the same along the direction that surfaces leave open
+constexpr double kFirstStep = 2.0;   ///< of the search about a candidate [m/s]
 constexpr double kLastStep = 0.5;
 constexpr int kHillSteps = 15;         ///< to each side of the velocity found
 constexpr double kHillStep = 0.2;      ///< [m/s]
@@ -55,8 +54,8 @@ float median(std::vector<float>* values) {
 }
 
 /// How the blocks vote between velocities. A vehicle beside the sensor is a few blocks, and has as many
-/// votes, however well it is seen; blocks that compared fewer pairs of means than half of all have a part of
-/// a vote.
+/// votes, however well it is seen; blocks that compared fewer pairs of means than the median one of the
+/// coarse search have a part of a vote.
 class Ballot {
  public:
   explicit Ballot(const std::vector<Hypothesis>& all) {
@@ -111,44 +110,47 @@ bool is_same(const Eigen::Vector3d& one, const Eigen::Vector3d& other) {
   return (one - other).norm() <= kSameVelocity;
 }
 
-/// Level velocities that compete.
+/// Level velocities that compete: all, or those alone that are known across the open direction.
 class Competition {
  public:
-  Competition(const Eigen::Vector3d& known, const std::optional<Eigen::Vector3d>& open_direction)
-      : known_(known), is_open_along_(open_direction) {
-    if (open_direction) axes_ = {*open_direction, Eigen::Vector3d::UnitZ().cross(*open_direction)};
+  Competition(const Eigen::Vector3d& known, const std::optional<Eigen::Vector3d>& open_direction) {
+    if (open_direction) {
+      axes_ = {*open_direction};
+      const Eigen::Vector3d across = Eigen::Vector3d::UnitZ().cross(*open_direction);
+      known_across_ = known.dot(across) * across;
+    } else {
+      axes_ = {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY()};
+    }
   }
 
-  /// Along which velocities are varied; the first is the open direction, if there is one.
-  const std::array<Eigen::Vector3d, 2>& axes() const { return axes_; }
-
-  bool contains(const Eigen::Vector3d& velocity) const {
-    return !is_open_along_ || std::abs((velocity - known_).dot(axes_[1])) <= kAcrossReach;
-  }
+  /// Along which velocities are varied: two, or the open direction.
+  const std::vector<Eigen::Vector3d>& axes() const { return axes_; }
 
   std::vector<Eigen::Vector3d> coarse_velocities() const {
-    const double step = is_open_along_ ? kOpenStep : kCoarseStep;
-    const int steps = static_cast<int>(kMaxSpeed / step);
-    const int steps_across = is_open_along_ ? 0 : steps;
-    const Eigen::Vector3d middle =
-        is_open_along_ ? Eigen::Vector3d(known_.dot(axes_[1]) * axes_[1]) : Eigen::Vector3d::Zero();
-    std::vector<Eigen::Vector3d> result;
-    for (int a = -steps; a <= steps; ++a) {
-      for (int b = -steps_across; b <= steps_across; ++b) {
-        const Eigen::Vector3d velocity = middle + step * (a * axes_[0] + b * axes_[1]);
-        if (velocity.norm() <= kMaxSpeed) result.push_back(velocity);
+    std::vector<Eigen::Vector3d> result = {known_across_};
+    for (const Eigen::Vector3d& axis : axes_) {
+      const double step = is_open() ? kOpenStep : kCoarseStep;
+      const int steps = static_cast<int>(kMaxSpeed / step);
+      const std::vector<Eigen::Vector3d> before = std::move(result);
+      result.clear();
+      for (const Eigen::Vector3d& velocity : before) {
+        for (int k = -steps; k <= steps; ++k) {
+          const Eigen::Vector3d next = velocity + step * k * axis;
+          if (next.norm() <= kMaxSpeed) result.push_back(next);
+        }
       }
     }
     return result;
   }
 
   /// Fewer competitors can be looked at more closely.
-  const Depth& coarse_depth() const { return is_open_along_ ? kFine : kCoarse; }
+  const Depth& coarse_depth() const { return is_open() ? kFine : kCoarse; }
 
  private:
-  Eigen::Vector3d known_;
-  bool is_open_along_;
-  std::array<Eigen::Vector3d, 2> axes_ = {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY()};
+  bool is_open() const { return axes_.size() == 1; }
+
+  std::vector<Eigen::Vector3d> axes_;
+  Eigen::Vector3d known_across_ = Eigen::Vector3d::Zero();  ///< zero where nothing is known
 };
 
 std::vector<Hypothesis> coarse_hypotheses(const std::vector<BrightScan>& scans,
@@ -189,7 +191,6 @@ Hypothesis climbed(const std::vector<LaneScan>& scans, const Eigen::Vector3d& fr
         for (const double sign : {-1.0, 1.0}) {
           const Eigen::Vector3d velocity = middle + sign * step * axis;
           if (velocity.isApprox(before)) continue;  // where the last move came from
-          if (!competition.contains(velocity)) continue;
           Hypothesis next = at(velocity);
           if (next.score > best.score) best = next;
         }
