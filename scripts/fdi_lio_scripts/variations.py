@@ -5,8 +5,8 @@ import random
 from dataclasses import dataclass, field
 from typing import Dict, List, Sequence, Tuple
 
-# Speeds of the scenarios [m/s], and the sensors that they are seen by. Dense traffic and crowds have scenarios of their
-# own (*_hard); a hand needs a dense sensor.
+# Usual speeds [m/s] of the scenarios. Dense traffic and crowds are left to the hard ones; a hand needs a dense sensor, and
+# 16 beams see too little of a motorway.
 SPEEDS_MPS = {"street": 13.0, "tunnel": 14.0, "street_tunnel": 13.0, "highway": 28.0, "corridor": 1.6, "mine": 5.0,
               "plaza": 2.4, "forest": 4.0}
 MODELS = ["vlp16", "os1_64", "hdl64e", "os0_128"]
@@ -55,6 +55,7 @@ def draw(number: int) -> Variation:
     _draw_imu(dice, settings)
     _draw_imperfections(dice, settings)
     _draw_motion(dice, variation.scenario, settings)
+    _draw_ranges(dice, settings)
     return variation
 
 
@@ -94,3 +95,11 @@ def _draw_motion(dice: random.Random, scenario: str, settings: Dict[str, str]) -
     start = dice.choice([0.0, 0.0, 0.0, 0.5, 0.9])
     if scenario != "highway":
         settings["motion.start_speed"] = f"{start * speed_mps:.2f}"
+
+
+def _draw_ranges(dice: random.Random, settings: Dict[str, str]) -> None:
+    """A range finder from ideal to cheap, and one that sees near things only."""
+    if dice.random() < 0.4:
+        settings["lidar.range_noise"] = str(dice.choice([0, 0.005, 0.04]))
+    if dice.random() < 0.2:
+        settings["lidar.max_range"] = str(dice.choice([30, 60]))
