@@ -102,7 +102,8 @@ std::optional<AlignmentResult> align_in_motion(const Eigen::Quaterniond& first_q
   AlignmentResult result;
   result.gyro_bias = intervals.back().imu.gyro_bias + bias_change;
   result.g_odom = x.row(2).transpose();
-  result.v_odom = x.row(1).transpose() + result.g_odom * time_s + v;
+  result.v_first = x.row(1).transpose();
+  result.v_odom = result.v_first + result.g_odom * time_s + v;
   result.gravity_sigma_mps2 = std::sqrt(inverse(2, 2) * variance.maxCoeff());
   result.gravity_error_mps2 = std::abs(result.g_odom.norm() - gravity_mps2);
   const Eigen::Vector3d felt_g_odom = result.g_odom;

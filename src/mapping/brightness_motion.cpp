@@ -25,9 +25,11 @@ constexpr double kCoarseStep = 3.0;  ///< [m/s]
 constexpr double kOpenStep = 1.0;    ///< the same along the direction that surfaces leave open
 constexpr double kFirstStep = 2.0;   ///< of the search about a candidate [m/s]
 constexpr double kLastStep = 0.5;
-constexpr int kHillSteps = 15;         ///< to each side of the velocity found
-constexpr double kHillStep = 0.2;      ///< [m/s]
-constexpr int kTopSteps = 3;           ///< of the hill, to each side of the highest
+constexpr int kHillSteps = 15;     ///< to each side of the velocity found
+constexpr double kHillStep = 0.2;  ///< [m/s]
+constexpr int kHillSize = 2 * kHillSteps + 1;
+constexpr double kWindowSteps = 4.0;  ///< standard deviation of what the hill is smoothed with
+constexpr int kWindowReach = 6;
 constexpr int kMostMoves = 4;          ///< of each size
 constexpr double kSameVelocity = 3.0;  ///< below, two velocities are one
 constexpr std::size_t kFinalists = 6;
@@ -201,31 +203,42 @@ Hypothesis climbed(const std::vector<LaneScan>& scans, const Eigen::Vector3d& fr
   return best;
 }
 
-/// The top of the hill of agreement about a velocity, along each axis: of a parabola through its highest
-/// steps.
+/// Agreement at equal steps of the velocity.
+using Heights = std::array<double, kHillSize>;
+
+/// The place of the hill's top, in steps from its middle: single steps scatter, their mean with a Gaussian
+/// window less.
+double top_of(const Heights& heights) {
+  Heights smooth{};
+  for (int k = 0; k < kHillSize; ++k) {
+    for (int other = -kWindowReach; other <= kWindowReach; ++other) {
+      const double weight = std::exp(-0.5 * std::pow(other / kWindowSteps, 2.0));
+      smooth[static_cast<std::size_t>(k)] +=
+          weight * heights[static_cast<std::size_t>(std::clamp(k + other, 0, kHillSize - 1))];
+    }
+  }
+  const auto highest = std::max_element(smooth.begin() + 1, smooth.end() - 1);
+  const double left = *(highest - 1) - *highest;
+  const double right = *(highest + 1) - *highest;
+  const double bend = left + right;
+  const double beside = bend < 0.0 ? std::clamp(0.5 * (left - right) / bend, -1.0, 1.0) : 0.0;
+  return static_cast<double>(highest - smooth.begin()) - kHillSteps + beside;
+}
+
+/// The top of the hill of agreement about a velocity, along each axis: the other one moved it, so twice.
 Eigen::Vector3d refined(const std::vector<LaneScan>& scans, const Eigen::Vector3d& from,
                         const Competition& competition) {
   Eigen::Vector3d velocity = from;
-  std::array<double, 2 * kHillSteps + 1> heights{};
-  for (const Eigen::Vector3d& axis : competition.axes()) {
+  std::vector<Eigen::Vector3d> axes = competition.axes();
+  if (axes.size() > 1) axes.insert(axes.end(), competition.axes().begin(), competition.axes().end());
+  Heights heights{};
+  for (const Eigen::Vector3d& axis : axes) {
     parallel_chunks(heights.size(), 1, [&](std::size_t, std::size_t, std::size_t k) {
       DetailCells cells;
       const Eigen::Vector3d at = velocity + kHillStep * (static_cast<double>(k) - kHillSteps) * axis;
       heights[k] = agreement(cells.fits(scans, at, kFine.farthest));
     });
-    const auto highest = std::max_element(heights.begin(), heights.end()) - heights.begin();
-    const int top = std::clamp(static_cast<int>(highest), kTopSteps, 2 * kHillSteps - kTopSteps);
-    Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
-    for (int k = -kTopSteps; k <= kTopSteps; ++k) {
-      const Eigen::Vector3d powers(1.0, k, k * k);
-      H += powers * powers.transpose();
-      b += heights[static_cast<std::size_t>(top + k)] * powers;
-    }
-    const Eigen::Vector3d parabola = H.inverse() * b;
-    const double beside = parabola.z() < 0.0 ? -0.5 * parabola.y() / parabola.z() : 0.0;
-    const double offset = top - kHillSteps + std::clamp<double>(beside, -kTopSteps, kTopSteps);
-    velocity += kHillStep * offset * axis;
+    velocity += kHillStep * top_of(heights) * axis;
   }
   return velocity;
 }

@@ -4,6 +4,7 @@
 #include <sstream>
 #include <utility>
 
+#include "fdi_lio/mapping/imu_start.hpp"
 #include "fdi_lio/mapping/scan_estimator.hpp"
 
 namespace fdi_lio::mapping {
@@ -37,13 +38,14 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
   if (!review_) return scans_->add(std::move(input), false);
   std::optional<EstimateResult> result = scans_->add(input, true);
   if (!result) return result;
-  if (result->state.imu_status != imu::ImuStatus::kInitialised) {
-    review_->add(std::move(input), result->state, position_information(*result));
-    const bool has_witness = scans_->has_found_motion();
-    if (const auto motion = review_->find_motion(has_witness)) result = begin_moving(*motion);
-    if (!review_->is_over()) return result;
-  }
-  review_.reset();
+  review_->add(std::move(input), result->state, position_information(*result));
+  const bool is_initialised = result->state.imu_status == imu::ImuStatus::kInitialised;
+  const std::optional<MovingStart> motion =
+      is_initialised ? scans_->aligned_start() : review_->find_motion(scans_->has_found_motion());
+  if (motion) result = begin_moving(*motion);
+  const bool is_late = review_->inputs().size() > ImuStart::most_intervals(config_.imu);
+  const bool awaits_alignment = imu && !is_late;
+  if (motion || is_initialised || (review_->is_over() && !awaits_alignment)) review_.reset();
   return result;
 }
 

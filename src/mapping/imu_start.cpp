@@ -22,13 +22,11 @@ constexpr std::size_t kMostWaits = 3;
 constexpr double kLeastGravitySigma = 0.02;
 constexpr double kGravitySigmas = 2.0;
 
-constexpr double kMovingVelocitySigma = 0.3;  ///< of MovingStart::v_odom [m/s]
-constexpr double kMovingGyroBiasSigma = 0.02;
-constexpr double kMovingAccelBiasSigma = 0.05;
+constexpr double kFirstVelocitySigma = 0.3;  ///< of the first scan, by an alignment in motion [m/s]
 
 ImuStart::Found initialised(imu::NavState state, const Smoother::InitialSigma& sigma) {
   state.imu_status = imu::ImuStatus::kInitialised;
-  return {state, sigma};
+  return {state, sigma, std::nullopt};
 }
 
 }  // namespace
@@ -58,14 +56,15 @@ std::optional<ImuStart::Found> ImuStart::at_rest(const imu::NavState& newest,
 ImuStart::Found ImuStart::moving(const imu::NavState& first, const MovingStart& start) const {
   imu::NavState state = first;
   state.v_odom = start.v_odom;
-  Smoother::InitialSigma sigma;
-  sigma.velocity = kMovingVelocitySigma;
-  if (state.imu_status == imu::ImuStatus::kNone) return {state, sigma};
-  sigma.gyro_bias = kMovingGyroBiasSigma;
-  sigma.accel_bias = kMovingAccelBiasSigma;
-  sigma.gravity = start.gravity_sigma_mps2;
+  if (state.imu_status == imu::ImuStatus::kNone) {
+    Smoother::InitialSigma sigma;
+    sigma.velocity = start.sigma.velocity;
+    return {state, sigma, std::nullopt};
+  }
+  state.gyro_bias = start.gyro_bias;
+  state.accel_bias = start.accel_bias;
   state.g_odom = -config_.sensor.gravity_mps2 * start.up_odom;
-  return initialised(state, sigma);
+  return initialised(state, start.sigma);
 }
 
 std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, const imu::NavState& newest,
@@ -87,10 +86,9 @@ std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, 
     intervals_.erase(intervals_.begin());
     return std::nullopt;
   }
-  const std::size_t enough = kMostWaits * static_cast<std::size_t>(config_.imu.moving_init_scans);
   const bool is_good =
       aligned->gravity_sigma_mps2 < kGoodGravitySigma && aligned->gravity_error_mps2 < kGoodGravityError;
-  if (!is_good && intervals_.size() < enough) return std::nullopt;
+  if (!is_good && intervals_.size() < most_intervals(config_.imu)) return std::nullopt;
   imu::NavState state = newest;
   state.gyro_bias = aligned->gyro_bias;
   state.accel_bias = aligned->accel_bias;
@@ -104,7 +102,19 @@ std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, 
   sigma.accel_bias = 0.2;
   sigma.rest_acceleration = std::max(kLeastGravitySigma, kGravitySigmas * aligned->gravity_sigma_mps2);
   reporter_->report(Severity::kInfo, "imu_moving", "IMU initialised in motion");
-  return initialised(state, sigma);
+  Found found = initialised(state, sigma);
+  found.start.emplace();
+  found.start->v_odom = aligned->v_first;
+  found.start->up_odom = -aligned->g_odom.normalized();
+  found.start->gyro_bias = aligned->gyro_bias;
+  found.start->accel_bias = aligned->accel_bias;
+  found.start->sigma = sigma;
+  found.start->sigma.velocity = kFirstVelocitySigma;
+  return found;
+}
+
+std::size_t ImuStart::most_intervals(const ImuConfig& config) {
+  return kMostWaits * static_cast<std::size_t>(config.moving_init_scans);
 }
 
 }  // namespace fdi_lio::mapping

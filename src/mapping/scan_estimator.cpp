@@ -20,6 +20,7 @@ namespace {
 
 /// The first scans in a map, before a velocity is known well.
 constexpr int kStartScans = 3;
+constexpr double kLeastStartSpeed = 0.1;  ///< that the first two scans are deskewed with [m/s]
 /// Way on which what is known of the beams' elevation is taken over into the scans [m].
 constexpr double kElevationWay = 20.0;
 constexpr double kBeamsOfSigma = 16.0;  ///< that mapping.common_elevation_sigma holds for
@@ -144,23 +145,39 @@ void ScanEstimator::predict(const FeatureSet& features, const std::optional<imu:
 }
 
 /// At a start in motion nothing predicts the second scan, and neither it nor the first was deskewed.
-void ScanEstimator::search_motion(const std::optional<imu::Preintegration>& imu, FeatureSet* features) {
-  const FeatureSet first = std::move(*first_);
-  first_.reset();
-  const imu::NavState& predicted = smoother_.newest();
-  if (predicted.imu_status == imu::ImuStatus::kInitialised) return;
+void ScanEstimator::search_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
+                                  FeatureSet* features) {
   const std::optional<Eigen::Vector3d> v_odom =
-      start_velocity(first, before_, *features, predicted, T_imu_lidar_);
+      start_velocity(first, before_, *features, smoother_.newest(), T_imu_lidar_);
   if (!v_odom) return;
   has_found_motion_ = true;
-  before_.v_odom = *v_odom;
+  begin_with_velocity(*v_odom, first, imu, features);
+}
+
+/// Whether the first two scans were deskewed or not, they tell the same motion: both were alike. The next one
+/// would not be.
+bool ScanEstimator::adopt_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
+                                 FeatureSet* features) {
+  const Eigen::Vector3d v_odom = smoother_.newest().v_odom;
+  if (v_odom.norm() < kLeastStartSpeed) return false;
+  begin_with_velocity(v_odom, first, imu, features);
+  reporter_->report(Severity::kInfo, "start_motion",
+                    "started in motion, at about " + std::to_string(v_odom.norm()) + " m/s");
+  return true;
+}
+
+/// The map anew of the first scan, and the prediction of the second, both of a sensor that moves. `features`
+/// of the second are deskewed with the velocity that the first had until now.
+void ScanEstimator::begin_with_velocity(const Eigen::Vector3d& v_odom, const FeatureSet& first,
+                                        const std::optional<imu::Preintegration>& imu, FeatureSet* features) {
+  imu::NavState more = smoother_.newest();
+  more.v_odom = v_odom - before_.v_odom;
+  *features = moved_while_scanned(std::move(*features), more, T_imu_lidar_);
+  before_.v_odom = v_odom;
   map_ = LocalMap(config_.mapping);
   map_.insert(moved_while_scanned(first, before_, T_imu_lidar_), before_.T_odom_imu(), T_imu_lidar_);
   start_smoother(before_, Smoother::InitialSigma());
   predict(*features, imu);
-  *features = moved_while_scanned(*features, smoother_.newest(), T_imu_lidar_);
-  reporter_->report(Severity::kInfo, "start_motion",
-                    "started in motion, at about " + std::to_string(v_odom->norm()) + " m/s");
 }
 
 LidarInformation ScanEstimator::optimise(const MatchInput& input, bool is_shaken, EstimateResult* result) {
@@ -324,10 +341,13 @@ void ScanEstimator::take_up_imu(const std::optional<imu::Preintegration>& imu) {
               : Eigen::Vector3d(
                     so3::log(Eigen::Quaterniond(before_.q_odom_imu.conjugate() * newest.q_odom_imu)) / dt);
   smoother_.annotate_newest(newest.imu_status, w_imu);
-  if (!has_imu || newest.imu_status == imu::ImuStatus::kInitialised || scan_count_ <= 1) return;
+  if (!has_imu || newest.imu_status == imu::ImuStatus::kInitialised) return;
   adopt_imu(imu_start_.at_rest(smoother_.newest(), *imu));
-  if (smoother_.newest().imu_status != imu::ImuStatus::kInitialised)
-    adopt_imu(imu_start_.in_motion(before_, smoother_.newest(), *imu));
+  if (smoother_.newest().imu_status == imu::ImuStatus::kInitialised) return;
+  const std::optional<ImuStart::Found> found = imu_start_.in_motion(before_, smoother_.newest(), *imu);
+  const bool is_of_all = static_cast<int>(imu_start_.interval_count()) == scan_count_;
+  if (found && is_of_all && !has_restarted_) aligned_start_ = found->start;
+  adopt_imu(found);
 }
 
 /// What the newest state may be off by: against the local map, and since the start.
@@ -376,18 +396,22 @@ std::optional<EstimateResult> ScanEstimator::add(EstimatorInput input, bool is_r
   EstimateResult result;
   FeatureSet features = std::move(input.features);
   const bool is_first = smoother_.empty();
+  std::optional<FeatureSet> first;  // where this scan is the second, and nothing tells the velocity yet
   if (is_first) {
     start(features, imu);
   } else {
     v_earlier_ = before_.v_odom;
     before_ = smoother_.newest();
     predict(features, imu);
-    if (first_) search_motion(imu, &features);
+    first = std::exchange(first_, std::nullopt);
+    if (smoother_.newest().imu_status == imu::ImuStatus::kInitialised) first.reset();
+    if (first) search_motion(*first, imu, &features);
   }
   features = deskewed_anew(std::move(features), input.v_deskew, is_reviewed);
   if (!is_first) {
     if (config_.mapping.calibrate_beams) features = beams_.apply(std::move(features), smoother_.newest());
     match(features, imu, &result);
+    if (first && result.is_healthy && adopt_motion(*first, imu, &features)) match(features, imu, &result);
     take_up_imu(imu);
   }
   result.state = smoother_.newest();

@@ -23,6 +23,9 @@ constexpr double kMostBelow = 0.2;     ///< of as many as the ground has, nothin
 constexpr double kSteep = 5.0 * M_PI / 180.0;
 constexpr double kCruisingGravitySigma = 0.15;  ///< what traffic accelerates by, mostly [m/s^2]
 constexpr double kGroundGravitySigma = 0.5;     ///< how steep roads are
+constexpr double kVelocitySigma = 0.3;          ///< [m/s]
+constexpr double kGyroBiasSigma = 0.02;
+constexpr double kAccelBiasSigma = 0.05;
 /// Information along a level direction that surfaces leave open, as a share of that across.
 constexpr double kOpenShare = 0.1;
 constexpr double kSureLead = 2.0;         ///< in votes
@@ -49,6 +52,10 @@ StartReview::StartReview(const Config& config) : config_(config), T_imu_lidar_(c
 
 void StartReview::add(EstimatorInput input, const imu::NavState& state,
                       const Eigen::Matrix3d& position_information) {
+  if (is_over_) {
+    inputs_.push_back(std::move(input));
+    return;
+  }
   if (inputs_.empty()) first_t_odom_imu_ = state.t_odom_imu;
   newest_t_odom_imu_ = state.t_odom_imu;
   const bool has_imu = !inputs_.empty() && input.imu && input.imu->sample_count > 0;
@@ -108,7 +115,7 @@ Eigen::Vector3d StartReview::up() const {
 }
 
 std::optional<MovingStart> StartReview::find_motion(bool has_witness) {
-  if (scans_.size() < next_question_ || may_stand()) return std::nullopt;
+  if (is_over_ || scans_.size() < next_question_ || may_stand()) return std::nullopt;
   next_question_ = kLastQuestion;
   KnownMotion known;
   known.way = R_level_odom_ * (newest_t_odom_imu_ - first_t_odom_imu_);
@@ -121,7 +128,10 @@ std::optional<MovingStart> StartReview::find_motion(bool has_witness) {
   is_over_ = (is_sure && !is_refuted) || scans_.size() >= kLastQuestion;
   if (!is_sure || motion.is_known || is_refuted) return std::nullopt;
   start.up_odom = up();
-  start.gravity_sigma_mps2 = is_steep_ ? kGroundGravitySigma : kCruisingGravitySigma;
+  start.sigma.velocity = kVelocitySigma;
+  start.sigma.gyro_bias = kGyroBiasSigma;
+  start.sigma.accel_bias = kAccelBiasSigma;
+  start.sigma.gravity = is_steep_ ? kGroundGravitySigma : kCruisingGravitySigma;
   return start;
 }
 

@@ -53,6 +53,7 @@ TEST(AlignInMotion, FindsGravityBiasAndVelocityInATiltedFrame) {
   ASSERT_TRUE(result.has_value());
   EXPECT_LT((result->gyro_bias - gyro_bias).norm(), 1e-3);
   EXPECT_LT((result->g_odom - motion.gravity).norm(), 0.05);
+  EXPECT_LT((result->v_first - motion.velocity(0.0)).norm(), 0.05);
   EXPECT_LT((result->v_odom - motion.velocity(2.0)).norm(), 0.05);
   EXPECT_NEAR(result->gravity_error_mps2, kAccelBias, 0.05);
   const Eigen::Vector3d up_imu = -(motion.attitude(2.0).conjugate() * motion.gravity.normalized());

@@ -109,6 +109,10 @@ TEST(ImuStart, InMotionTheVelocityIsFoundAfterTheGivenScans) {
   EXPECT_LT((found->state.v_odom - drive.velocity(last)).norm(), 0.05);
   EXPECT_LT((found->state.g_odom - Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2)).norm(), 0.1);
   EXPECT_TRUE(reporter.has("imu_moving"));
+  EXPECT_EQ(start.interval_count(), static_cast<std::size_t>(last));
+  ASSERT_TRUE(found->start);
+  EXPECT_LT((found->start->v_odom - drive.velocity(0)).norm(), 0.05);
+  EXPECT_LT((found->start->up_odom - Eigen::Vector3d::UnitZ()).norm(), 0.01);
 }
 
 TEST(ImuStart, InMotionMoreScansAreWaitedForWhileGravityIsVague) {
@@ -134,7 +138,7 @@ TEST(ImuStart, InMotionMoreScansAreWaitedForWhileGravityIsVague) {
   }
   ASSERT_TRUE(found);
   EXPECT_GT(scans, config.imu.moving_init_scans);
-  EXPECT_LE(scans, 3 * config.imu.moving_init_scans);
+  EXPECT_LE(static_cast<std::size_t>(scans), ImuStart::most_intervals(config.imu));
   EXPECT_LT((found->state.g_odom - Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2)).norm(), 0.3);
 }
 
@@ -147,14 +151,18 @@ TEST(ImuStart, AReviewedStartIsPredictedByTheImuAtOnce) {
   first.g_odom = Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2);
   MovingStart moving;
   moving.v_odom = Eigen::Vector3d(20.0, 1.0, 0.0);
-  moving.gravity_sigma_mps2 = 0.1;
+  moving.gyro_bias = Eigen::Vector3d(0.01, 0.0, 0.0);
+  moving.accel_bias = Eigen::Vector3d(0.0, 0.1, 0.0);
+  moving.sigma.gravity = 0.1;
   const ImuStart::Found cruising = start.moving(first, moving);
   EXPECT_EQ(cruising.state.imu_status, imu::ImuStatus::kInitialised);
   EXPECT_EQ((cruising.state.v_odom - moving.v_odom).norm(), 0.0);
   EXPECT_EQ((cruising.state.g_odom - first.g_odom).norm(), 0.0);
+  EXPECT_EQ((cruising.state.gyro_bias - moving.gyro_bias).norm(), 0.0);
+  EXPECT_EQ((cruising.state.accel_bias - moving.accel_bias).norm(), 0.0);
   EXPECT_EQ(cruising.sigma.gravity, 0.1);
   moving.up_odom = Eigen::Vector3d(0.6, 0.0, 0.8);
-  moving.gravity_sigma_mps2 = 0.4;
+  moving.sigma.gravity = 0.4;
   const ImuStart::Found braking = start.moving(first, moving);
   EXPECT_LT((braking.state.g_odom + config.sensor.gravity_mps2 * moving.up_odom).norm(), 1e-12);
   EXPECT_EQ(braking.sigma.gravity, 0.4);

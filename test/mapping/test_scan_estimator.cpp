@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "fdi_lio/common/config.hpp"
+#include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/mapping/estimator.hpp"
 
 namespace fdi_lio::mapping {
@@ -16,8 +17,8 @@ constexpr double kPeriod_s = 0.1;
 /// A street whose fronts across the way all stand ahead to the left, where the sweep begins.
 class Street {
  public:
-  /// What is seen from x = `speed` t of the sweep that ends at `end_s`, deskewed with `v_deskew` along x.
-  FeatureSet scan(double end_s, double speed_mps, double v_deskew_mps, unsigned seed) const {
+  /// What is seen of the sweep that ends at `end_s` and at x = `here_m`, deskewed with `v_deskew` along x.
+  FeatureSet scan(double end_s, double here_m, double speed_mps, double v_deskew_mps, unsigned seed) const {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> uniform(0.0, 1.0);
     std::normal_distribution<double> noise(0.0, 0.01);
@@ -25,7 +26,7 @@ class Street {
     features.stamp = static_cast<Stamp>(std::llround(1e9 * end_s));
     const auto add = [&](const Eigen::Vector3d& place) {
       // The sweep begins ahead and goes round to the left.
-      const Eigen::Vector3d from_end(place.x() - speed_mps * end_s, place.y(), place.z());
+      const Eigen::Vector3d from_end(place.x() - here_m, place.y(), place.z());
       double azimuth = std::atan2(from_end.y(), from_end.x());
       if (azimuth < 0.0) azimuth += 2.0 * M_PI;
       Point point;
@@ -36,13 +37,12 @@ class Street {
       point.position = seen.cast<float>();
       features.planes.push_back(point);
     };
-    const double here = speed_mps * end_s;
     for (int k = 0; k < 1200; ++k) {
-      add({here - 20.0 + 40.0 * uniform(random), -5.0 + 13.0 * uniform(random), -1.7});
-      add({here - 20.0 + 40.0 * uniform(random), -5.0, -1.7 + 4.0 * uniform(random)});
+      add({here_m - 20.0 + 40.0 * uniform(random), -5.0 + 13.0 * uniform(random), -1.7});
+      add({here_m - 20.0 + 40.0 * uniform(random), -5.0, -1.7 + 4.0 * uniform(random)});
     }
     for (const double front : kFronts) {
-      if (front < here + 8.0 || front > here + 25.0) continue;
+      if (front < here_m + 8.0 || front > here_m + 25.0) continue;
       for (int k = 0; k < 120; ++k) add({front, 3.0 + 4.0 * uniform(random), -1.7 + 4.0 * uniform(random)});
     }
     return features;
@@ -52,19 +52,61 @@ class Street {
   static constexpr double kFronts[] = {9.3, 13.1, 16.4, 21.2, 24.0, 28.7, 32.9, 35.2};
 };
 
-/// Without an IMU the velocity of one scan deskews the next.
-TEST(ScanEstimator, VelocityFadesToTheTruthWithoutAnImu) {
+/// Without an IMU the velocity of one scan deskews the next. The first two were not deskewed.
+TEST(ScanEstimator, TheVelocityIsTheTrueOneFromTheSecondScanOn) {
   constexpr double kSpeed = 3.0;
   Reporter reporter;
   Estimator estimator(Config(), &reporter);
   for (int k = 0; k < 40; ++k) {
     const std::optional<imu::NavState> before = estimator.state();
     const double v_deskew = before ? before->v_odom.x() : 0.0;
-    const FeatureSet features = Street().scan(kPeriod_s * k, kSpeed, v_deskew, static_cast<unsigned>(k + 1));
+    const FeatureSet features =
+        Street().scan(kPeriod_s * k, kPeriod_s * k * kSpeed, kSpeed, v_deskew, static_cast<unsigned>(k + 1));
     const auto result = estimator.add(features, degeneracy::Degeneracy(), std::nullopt);
     ASSERT_TRUE(result);
-    if (k >= 30) {
-      EXPECT_NEAR(result->state.v_odom.x(), kSpeed, 0.2) << k;
+    if (k > 0) {
+      EXPECT_NEAR(result->state.v_odom.x(), kSpeed, k < 30 ? 0.6 : 0.2) << k;
+    }
+  }
+}
+
+/// Who gathers speed by 1 m/s^2 at 3 m/s. What is felt looks like a slope until scans and IMU are aligned.
+TEST(Estimator, AnAlignmentInMotionEstimatesAllScansAnew) {
+  constexpr double kSpeed = 3.0;
+  constexpr double kGained = 1.0;
+  Config config;
+  const Eigen::Vector3d felt(kGained, 0.0, config.sensor.gravity_mps2);
+  Reporter reporter;
+  Estimator estimator(config, &reporter);
+  const auto speed_at = [](double time_s) { return kSpeed + kGained * time_s; };
+  for (int k = 0; k <= config.imu.moving_init_scans; ++k) {
+    const double time_s = kPeriod_s * k;
+    const double here_m = (kSpeed + 0.5 * kGained * time_s) * time_s;
+    std::vector<imu::ImuSample> samples;
+    for (int n = -20; n <= 0; ++n) {
+      samples.push_back({to_nanoseconds(time_s + 0.05 * kPeriod_s * n), felt, Eigen::Vector3d::Zero()});
+    }
+    imu::Preintegration imu =
+        imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
+                          Eigen::Vector3d::Zero(), imu::ImuNoise(), config.imu);
+    imu.recent.count = 200;
+    imu.recent.duration_s = 1.0;
+    imu.recent.mean_acceleration = felt;
+    imu.recent.acceleration_std = 1.0;
+    const std::optional<imu::NavState> before = estimator.state();
+    const double v_deskew = before ? before->v_odom.norm() : 0.0;
+    const FeatureSet features =
+        Street().scan(time_s, here_m, speed_at(time_s), v_deskew, static_cast<unsigned>(k + 1));
+    const auto result = estimator.add(features, degeneracy::Degeneracy(), imu);
+    ASSERT_TRUE(result);
+    EXPECT_FALSE(result->is_keyframe);
+    ASSERT_EQ(result->revised.size(), k < config.imu.moving_init_scans ? 0U : static_cast<std::size_t>(k));
+    for (std::size_t n = 0; n < result->revised.size(); ++n) {
+      const imu::NavState& state = result->revised[n];
+      EXPECT_EQ(state.imu_status, imu::ImuStatus::kInitialised);
+      EXPECT_NEAR(state.v_odom.norm(), speed_at(kPeriod_s * static_cast<double>(n)), 0.1) << n;
+      const Eigen::Vector3d g_imu = state.q_odom_imu.conjugate() * state.g_odom;
+      EXPECT_LT((g_imu - Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2)).norm(), 0.3) << n;
     }
   }
 }

@@ -59,9 +59,12 @@ TEST(StartReview, FindsTheVelocityAfterEightScans) {
   ASSERT_TRUE(start);
   EXPECT_TRUE(review.is_over());
   EXPECT_EQ(review.inputs().size(), 8U);
+  add_scan(SyntheticRoad(), 8, 22.0, 0.0, &review);
+  EXPECT_EQ(review.inputs().size(), 9U);
+  EXPECT_FALSE(review.find_motion(false));
   EXPECT_LT((start->v_odom - Eigen::Vector3d(22.0, 0.0, 0.0)).norm(), 0.5);
   EXPECT_LT((start->up_odom - Eigen::Vector3d::UnitZ()).norm(), 1e-9);
-  EXPECT_LT(start->gravity_sigma_mps2, 0.2);
+  EXPECT_LT(start->sigma.gravity, 0.2);
 }
 
 /// What was estimated, rest, is wrong along a direction only that the surfaces leave open.

@@ -33,7 +33,8 @@ struct AlignmentResult {
   Eigen::Vector3d gyro_bias;
   Eigen::Vector3d accel_bias;  ///< the part along gravity, by which |g| found differs from |g| known
   Eigen::Vector3d g_odom;
-  Eigen::Vector3d v_odom;         ///< at the end of the last interval
+  Eigen::Vector3d v_first;        ///< velocity in odom at the start of the first interval
+  Eigen::Vector3d v_odom;         ///< at the end of the last one
   double gravity_error_mps2 = 0;  ///< | |g| found - |g| known |, the check that the alignment is sound
   /// Standard deviation of the gravity by how far the positions scatter, along the worst axis.
   double gravity_sigma_mps2 = 0;

@@ -20,6 +20,7 @@ class ImuStart {
   struct Found {
     imu::NavState state;
     Smoother::InitialSigma sigma;
+    std::optional<MovingStart> start;  ///< of the first scan that was taken, where it was in motion
   };
 
   ImuStart(const Config& config, Reporter* reporter) : config_(config), reporter_(reporter) {}
@@ -35,9 +36,14 @@ class ImuStart {
 
   /// Takes one more interval from `before` to `newest`, whose poses the scans alone gave; after
   /// `imu.moving_init_scans` of them, what aligns them with the IMU (`imu::align_in_motion`). Nothing while
-  /// gravity so found is off by more than 0.5 m/s^2, which is reported.
+  /// gravity so found is off by more than 0.5 m/s^2, which is reported: then the first interval is left out.
   std::optional<Found> in_motion(const imu::NavState& before, const imu::NavState& newest,
                                  const imu::Preintegration& imu);
+
+  std::size_t interval_count() const { return intervals_.size(); }
+
+  /// The number of intervals after which `in_motion` waits no longer for gravity to be known better.
+  static std::size_t most_intervals(const ImuConfig& config);
 
   /// Forgets the intervals taken so far.
   void reset() { intervals_.clear(); }

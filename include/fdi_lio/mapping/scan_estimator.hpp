@@ -51,6 +51,9 @@ class ScanEstimator {
   /// The first two scans alone told the velocity.
   bool has_found_motion() const { return has_found_motion_; }
 
+  /// What the alignment of scans and IMU in motion says of the first scan, once it was made of all scans.
+  const std::optional<MovingStart>& aligned_start() const { return aligned_start_; }
+
   /// The newest state; nothing before the first scan.
   std::optional<imu::NavState> state() const;
 
@@ -61,7 +64,12 @@ class ScanEstimator {
  private:
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
-  void search_motion(const std::optional<imu::Preintegration>& imu, FeatureSet* features);
+  void search_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
+                     FeatureSet* features);
+  bool adopt_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
+                    FeatureSet* features);
+  void begin_with_velocity(const Eigen::Vector3d& v_odom, const FeatureSet& first,
+                           const std::optional<imu::Preintegration>& imu, FeatureSet* features);
   Eigen::Vector3d deskew_velocity(const Eigen::Vector3d& v_deskew, bool is_reviewed) const;
   FeatureSet deskewed_anew(FeatureSet features, const Eigen::Vector3d& v_deskew, bool is_reviewed) const;
   void match(const FeatureSet& features, const std::optional<imu::Preintegration>& imu,
@@ -95,6 +103,7 @@ class ScanEstimator {
   std::optional<FeatureSet> first_;  ///< the first scan, until the second has come
   bool has_found_motion_ = false;
   std::optional<MovingStart> moving_start_;
+  std::optional<MovingStart> aligned_start_;
   std::optional<imu::NavState> resumed_;
   AdaptedSettings adapted_;
   double radius_m_ = 0.0;  ///< of the features matched last

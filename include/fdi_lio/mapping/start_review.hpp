@@ -12,6 +12,7 @@
 #include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/mapping/brightness_motion.hpp"
+#include "fdi_lio/mapping/smoother.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -25,11 +26,11 @@ struct EstimatorInput {
 
 /// What the first scans say together of a start in motion.
 struct MovingStart {
-  Eigen::Vector3d v_odom = Eigen::Vector3d::Zero();  ///< at the first scan [m/s]
-  /// Unit vector in `odom`: by the accelerometer, or by the ground where that is tilted against it as no road
-  /// is, for then the sensor gathers speed or brakes.
-  Eigen::Vector3d up_odom = Eigen::Vector3d::UnitZ();
-  double gravity_sigma_mps2 = 0.0;  ///< of what is level of gravity
+  Eigen::Vector3d v_odom = Eigen::Vector3d::Zero();      ///< at the first scan [m/s]
+  Eigen::Vector3d up_odom = Eigen::Vector3d::UnitZ();    ///< unit vector
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
+  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< [m/s^2]
+  Smoother::InitialSigma sigma;                          ///< of all this
 };
 
 /// Keeps the first scans of a start that may be in motion, and asks them together whether it was. Two scans
@@ -47,10 +48,13 @@ class StartReview {
   /// asked after 8 scans, or as soon as the IMU cannot find any more that the sensor stands, and after 16;
   /// the review is over when they are sure, or after the last. `has_witness`: surfaces that stand told the
   /// estimated one from the first two scans alone; it then takes more to overrule it, and nothing slower
-  /// that those two scans contradict (`find_start_motion`) does.
+  /// that those two scans contradict (`find_start_motion`) does. Upright is what the accelerometer says, or
+  /// the ground where that is tilted against it as no road is, for then the sensor gathers speed or brakes.
   std::optional<MovingStart> find_motion(bool has_witness);
 
   bool is_over() const { return is_over_; }
+
+  /// All that were added, be it after the review was over.
   const std::vector<EstimatorInput>& inputs() const { return inputs_; }
 
  private:
