@@ -4,6 +4,8 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <iomanip>
+#include <sstream>
 #include <string>
 #include <utility>
 
@@ -161,8 +163,10 @@ bool ScanEstimator::adopt_motion(const FeatureSet& first, const std::optional<im
   const Eigen::Vector3d v_odom = smoother_.newest().v_odom;
   if (v_odom.norm() < kLeastStartSpeed) return false;
   begin_with_velocity(v_odom, first, imu, features);
-  reporter_->report(Severity::kInfo, "start_motion",
-                    "started in motion, at about " + std::to_string(v_odom.norm()) + " m/s");
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(1) << "the first two scans show a motion of about " << v_odom.norm()
+       << " m/s";
+  reporter_->report(Severity::kInfo, "first_motion", text.str());
   return true;
 }
 
