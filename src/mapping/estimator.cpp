@@ -11,6 +11,8 @@ namespace fdi_lio::mapping {
 
 namespace {
 
+constexpr double kLeastSpeed = 0.1;  ///< of a start in motion [m/s]
+
 /// Of the surfaces that a scan matched, about the position (IMU axes).
 Eigen::Matrix3d position_information(const EstimateResult& result) {
   const Eigen::Matrix<double, 3, 6> axes = result.status.axes.bottomRows<3>();
@@ -52,8 +54,13 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
 /// All scans since the start once more, now with its velocity.
 EstimateResult Estimator::begin_moving(const MovingStart& motion) {
   std::ostringstream text;
-  text << std::fixed << std::setprecision(1) << "started in motion, at about " << motion.v_odom.norm()
-       << " m/s: the first " << review_->inputs().size() << " scans were estimated anew";
+  text << std::fixed << std::setprecision(1);
+  if (motion.v_odom.norm() >= kLeastSpeed) {
+    text << "started in motion, at about " << motion.v_odom.norm() << " m/s";
+  } else {
+    text << "started at rest";  // but shaken
+  }
+  text << ": the first " << review_->inputs().size() << " scans were estimated anew";
   reporter_->report(Severity::kInfo, "start_motion", text.str());
   scans_ = std::make_unique<ScanEstimator>(config_, reporter_, timer_);
   scans_->begin_moving(motion);
