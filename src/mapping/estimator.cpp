@@ -13,12 +13,6 @@ namespace {
 
 constexpr double kLeastSpeed = 0.1;  ///< of a start in motion [m/s]
 
-/// Of the surfaces that a scan matched, about the position (IMU axes).
-Eigen::Matrix3d position_information(const EstimateResult& result) {
-  const Eigen::Matrix<double, 3, 6> axes = result.status.axes.bottomRows<3>();
-  return axes * result.axis_information.asDiagonal() * axes.transpose();
-}
-
 }  // namespace
 
 Estimator::Estimator(const Config& config, Reporter* reporter, StageTimer timer)
@@ -40,10 +34,14 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
   if (!review_) return scans_->add(std::move(input), false);
   std::optional<EstimateResult> result = scans_->add(input, true);
   if (!result) return result;
-  review_->add(std::move(input), result->state, position_information(*result));
+  review_->add(std::move(input), result->state, result->position_information());
   const bool is_initialised = result->state.imu_status == imu::ImuStatus::kInitialised;
-  const std::optional<MovingStart> motion =
-      is_initialised ? scans_->aligned_start() : review_->find_motion(scans_->has_found_motion());
+  std::optional<MovingStart> motion;
+  if (!is_initialised) {
+    motion = review_->find_motion(scans_->has_found_motion());
+  } else if (review_->balance() >= kLeastBalance) {
+    motion = scans_->aligned_start();
+  }
   if (motion) result = begin_moving(*motion);
   const bool is_late = review_->inputs().size() > ImuStart::most_intervals(config_.imu);
   const bool awaits_alignment = imu && !is_late;

@@ -163,10 +163,6 @@ bool ScanEstimator::adopt_motion(const FeatureSet& first, const std::optional<im
   const Eigen::Vector3d v_odom = smoother_.newest().v_odom;
   if (v_odom.norm() < kLeastStartSpeed) return false;
   begin_with_velocity(v_odom, first, imu, features);
-  std::ostringstream text;
-  text << std::fixed << std::setprecision(1) << "the first two scans show a motion of about " << v_odom.norm()
-       << " m/s";
-  reporter_->report(Severity::kInfo, "first_motion", text.str());
   return true;
 }
 
@@ -182,6 +178,10 @@ void ScanEstimator::begin_with_velocity(const Eigen::Vector3d& v_odom, const Fea
   map_.insert(moved_while_scanned(first, before_, T_imu_lidar_), before_.T_odom_imu(), T_imu_lidar_);
   start_smoother(before_, Smoother::InitialSigma());
   predict(*features, imu);
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(1) << "the first two scans show a motion of about " << v_odom.norm()
+       << " m/s";
+  reporter_->report(Severity::kInfo, "first_motion", text.str());
 }
 
 LidarInformation ScanEstimator::optimise(const MatchInput& input, bool is_shaken, EstimateResult* result) {
@@ -415,7 +415,8 @@ std::optional<EstimateResult> ScanEstimator::add(EstimatorInput input, bool is_r
   if (!is_first) {
     if (config_.mapping.calibrate_beams) features = beams_.apply(std::move(features), smoother_.newest());
     match(features, imu, &result);
-    if (first && result.is_healthy && adopt_motion(*first, imu, &features)) match(features, imu, &result);
+    const bool is_unknown = first && !has_found_motion_ && result.is_healthy;
+    if (is_unknown && adopt_motion(*first, imu, &features)) match(features, imu, &result);
     take_up_imu(imu);
   }
   result.state = smoother_.newest();

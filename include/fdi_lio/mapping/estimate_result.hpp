@@ -31,6 +31,12 @@ struct EstimateResult {
   /// States of earlier scans that were wrong: a start turned out to be in motion. In time order, mostly
   /// empty.
   std::vector<imu::NavState> revised;
+
+  /// Of the surfaces that were matched, about the position (IMU axes, [1/m^2]).
+  Eigen::Matrix3d position_information() const {
+    const Eigen::Matrix<double, 3, 6> axes = status.axes.bottomRows<3>();
+    return axes * axis_information.asDiagonal() * axes.transpose();
+  }
 };
 
 }  // namespace fdi_lio::mapping

@@ -13,6 +13,7 @@
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/mapping/brightness_motion.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
+#include "fdi_lio/mapping/start_motion.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -53,6 +54,9 @@ class StartReview {
   std::optional<MovingStart> find_motion(bool has_witness);
 
   bool is_over() const { return is_over_; }
+
+  /// Of the surfaces of all scans (`level_balance`).
+  double balance() const { return level_balance(position_information_); }
 
   /// All that were added, be it after the review was over.
   const std::vector<EstimatorInput>& inputs() const { return inputs_; }
