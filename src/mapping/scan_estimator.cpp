@@ -179,8 +179,8 @@ void ScanEstimator::begin_with_velocity(const Eigen::Vector3d& v_odom, const Fea
   start_smoother(before_, Smoother::InitialSigma());
   predict(*features, imu);
   std::ostringstream text;
-  text << std::fixed << std::setprecision(1) << "the first two scans show a motion of about " << v_odom.norm()
-       << " m/s";
+  text << std::fixed << std::setprecision(1) << "started in motion, at about " << v_odom.norm()
+       << " m/s by the first two scans";
   reporter_->report(Severity::kInfo, "first_motion", text.str());
 }
 

@@ -138,13 +138,11 @@ class OfflineSlam(unittest.TestCase):
         self.assertLess(ate_rmse(after, truth), 0.5)
 
     def test_a_start_in_motion(self):
-        for name, arguments, notice in (
-                ("moving", (), "started in motion"),
-                ("moving_lidar", ("--set", "sensor.imu_topic=/none"), "the first two scans show a motion")):
+        for name, arguments in (("moving", ()), ("moving_lidar", ("--set", "sensor.imu_topic=/none"))):
             with self.subTest(name):
                 done = self.run_slam(name, "--start", "10", *arguments)
                 self.assertEqual(done.returncode, 0, done.stderr)
-                self.assertIn(notice, done.stderr)
+                self.assertIn("started in motion", done.stderr)
                 estimate = read_tum(self.path / name / "trajectory.tum")
                 self.assertGreater(np.linalg.norm(np.diff(estimate[:6, 1:4], axis=0), axis=1).min(), 0.5)
                 self.assertLess(ate_rmse(estimate, read_tum(self.path / "street.tum")), 0.2)
