@@ -9,12 +9,6 @@
 
 namespace fdi_lio::mapping {
 
-namespace {
-
-constexpr double kLeastSpeed = 0.1;  ///< of a start in motion [m/s]
-
-}  // namespace
-
 Estimator::Estimator(const Config& config, Reporter* reporter, StageTimer timer)
     : config_(config),
       reporter_(reporter),
@@ -36,12 +30,8 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
   if (!result) return result;
   review_->add(std::move(input), result->state, result->position_information());
   const bool is_initialised = result->state.imu_status == imu::ImuStatus::kInitialised;
-  std::optional<MovingStart> motion;
-  if (!is_initialised) {
-    motion = review_->find_motion(scans_->has_found_motion());
-  } else if (review_->balance() >= kLeastBalance) {
-    motion = scans_->aligned_start();
-  }
+  const std::optional<MovingStart> motion =
+      is_initialised ? scans_->aligned_start() : review_->find_motion(scans_->has_found_motion());
   if (motion) result = begin_moving(*motion);
   const bool is_late = review_->inputs().size() > ImuStart::most_intervals(config_.imu);
   const bool awaits_alignment = imu && !is_late;
@@ -52,13 +42,8 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
 /// All scans since the start once more, now with its velocity.
 EstimateResult Estimator::begin_moving(const MovingStart& motion) {
   std::ostringstream text;
-  text << std::fixed << std::setprecision(1);
-  if (motion.v_odom.norm() >= kLeastSpeed) {
-    text << "started in motion, at about " << motion.v_odom.norm() << " m/s";
-  } else {
-    text << "started at rest";  // but shaken
-  }
-  text << ": the first " << review_->inputs().size() << " scans were estimated anew";
+  text << std::fixed << std::setprecision(1) << "the first " << review_->inputs().size()
+       << " scans were estimated anew, started at about " << motion.v_odom.norm() << " m/s";
   reporter_->report(Severity::kInfo, "start_motion", text.str());
   scans_ = std::make_unique<ScanEstimator>(config_, reporter_, timer_);
   scans_->begin_moving(motion);

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <string>
 
+#include "fdi_lio/mapping/start_ground.hpp"
+
 namespace fdi_lio::mapping {
 
 namespace {
@@ -68,7 +70,8 @@ ImuStart::Found ImuStart::moving(const imu::NavState& first, const MovingStart& 
 }
 
 std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, const imu::NavState& newest,
-                                                   const imu::Preintegration& imu) {
+                                                   const imu::Preintegration& imu,
+                                                   const std::optional<Eigen::Vector3d>& ground_normal) {
   if (intervals_.empty()) first_ = before;
   intervals_.push_back({newest.q_odom_imu, newest.t_odom_imu, imu});
   if (static_cast<int>(intervals_.size()) < config_.imu.moving_init_scans) return std::nullopt;
@@ -86,8 +89,10 @@ std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, 
     intervals_.erase(intervals_.begin());
     return std::nullopt;
   }
-  const bool is_good =
-      aligned->gravity_sigma_mps2 < kGoodGravitySigma && aligned->gravity_error_mps2 < kGoodGravityError;
+  const Eigen::Vector3d up_odom = -aligned->g_odom.normalized();
+  const bool is_misled = ground_normal && is_steep(*ground_normal, up_odom);
+  const bool is_good = !is_misled && aligned->gravity_sigma_mps2 < kGoodGravitySigma &&
+                       aligned->gravity_error_mps2 < kGoodGravityError;
   if (!is_good && intervals_.size() < most_intervals(config_.imu)) return std::nullopt;
   imu::NavState state = newest;
   state.gyro_bias = aligned->gyro_bias;
@@ -103,9 +108,10 @@ std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, 
   sigma.rest_acceleration = std::max(kLeastGravitySigma, kGravitySigmas * aligned->gravity_sigma_mps2);
   reporter_->report(Severity::kInfo, "imu_moving", "IMU initialised in motion");
   Found found = initialised(state, sigma);
+  if (is_misled) return found;
   found.start.emplace();
   found.start->v_odom = aligned->v_first;
-  found.start->up_odom = -aligned->g_odom.normalized();
+  found.start->up_odom = up_odom;
   found.start->gyro_bias = aligned->gyro_bias;
   found.start->accel_bias = aligned->accel_bias;
   found.start->sigma = sigma;

@@ -14,6 +14,7 @@
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/mapping/match_input.hpp"
 #include "fdi_lio/mapping/mounting.hpp"
+#include "fdi_lio/mapping/start_ground.hpp"
 #include "fdi_lio/mapping/start_motion.hpp"
 
 namespace fdi_lio::mapping {
@@ -119,7 +120,10 @@ void ScanEstimator::start(const FeatureSet& features, const std::optional<imu::P
     return;
   }
   start_smoother(first, Smoother::InitialSigma());
-  if (imu) adopt_imu(imu_start_.at_rest(first, *imu));
+  if (!imu) return;
+  adopt_imu(imu_start_.at_rest(first, *imu));
+  if (smoother_.newest().imu_status != imu::ImuStatus::kInitialised)
+    ground_normal_ = find_ground(features, first.q_odom_imu * T_imu_lidar_.linear());
 }
 
 void ScanEstimator::predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu) {
@@ -156,8 +160,8 @@ void ScanEstimator::search_motion(const FeatureSet& first, const std::optional<i
   begin_with_velocity(*v_odom, first, imu, features);
 }
 
-/// Whether the first two scans were deskewed or not, they tell the same motion: both were alike. The next one
-/// would not be.
+/// Two scans that were deskewed alike, or not at all, match at their true distance. The third, deskewed with
+/// the velocity so told, would not fit a map of them: it deskews both anew. Returns whether there is any.
 bool ScanEstimator::adopt_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
                                  FeatureSet* features) {
   const Eigen::Vector3d v_odom = smoother_.newest().v_odom;
@@ -233,6 +237,7 @@ void ScanEstimator::begin_map_anew(const EstimateResult& result, const Matrix15d
   drift_.begin_anew(result.map_covariance);
   map_ = candidate_.take();
   imu_start_.reset();
+  ground_normal_.reset();
   health_.restart();
   map_scans_ = 0;
   has_restarted_ = true;
@@ -348,7 +353,8 @@ void ScanEstimator::take_up_imu(const std::optional<imu::Preintegration>& imu) {
   if (!has_imu || newest.imu_status == imu::ImuStatus::kInitialised) return;
   adopt_imu(imu_start_.at_rest(smoother_.newest(), *imu));
   if (smoother_.newest().imu_status == imu::ImuStatus::kInitialised) return;
-  const std::optional<ImuStart::Found> found = imu_start_.in_motion(before_, smoother_.newest(), *imu);
+  const std::optional<ImuStart::Found> found =
+      imu_start_.in_motion(before_, smoother_.newest(), *imu, ground_normal_);
   const bool is_of_all = static_cast<int>(imu_start_.interval_count()) == scan_count_;
   if (found && is_of_all && !has_restarted_) aligned_start_ = found->start;
   adopt_imu(found);

@@ -5,8 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 
-#include <Eigen/Eigenvalues>
-
 namespace fdi_lio::mapping {
 
 namespace {
@@ -140,12 +138,6 @@ std::optional<Eigen::Vector3d> start_velocity(const FeatureSet& first, const imu
   const double difference = motion->score - motion->score_predicted;
   if (difference < std::max(kMinAdvantage * motion->score, kMinDifference)) return std::nullopt;
   return motion->displacement / seconds_between(first.stamp, second.stamp);
-}
-
-double level_balance(const Eigen::Matrix3d& position_information) {
-  const Eigen::Matrix2d level = position_information.topLeftCorner<2, 2>();
-  const Eigen::Vector2d eigenvalues = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(level).eigenvalues();
-  return eigenvalues(1) > 0.0 ? std::max(0.0, eigenvalues(0) / eigenvalues(1)) : 0.0;
 }
 
 FeatureSet moved_while_scanned(FeatureSet features, const imu::NavState& state,

@@ -1,26 +1,18 @@
 #include "fdi_lio/mapping/start_review.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include <Eigen/Eigenvalues>
 
 #include "fdi_lio/imu/initialisation.hpp"
+#include "fdi_lio/mapping/start_ground.hpp"
 #include "fdi_lio/mapping/start_motion.hpp"
-#include "fdi_lio/scan/ground_plane.hpp"
 
 namespace fdi_lio::mapping {
 
 namespace {
 
 constexpr std::size_t kLastQuestion = 16;
-constexpr float kGroundReachM = 20.0F;
-constexpr double kMostTilt = 20.0 * M_PI / 180.0;
-constexpr double kLeastGround = 0.06;  ///< of the points that are looked at
-constexpr double kMostBelow = 0.2;     ///< of as many as the ground has, nothing is seen through it
-/// Of the ground against the accelerometer: roads are not as steep, who feels so gathers speed, or brakes.
-constexpr double kSteep = 5.0 * M_PI / 180.0;
 constexpr double kCruisingGravitySigma = 0.15;  ///< what traffic accelerates by, mostly [m/s^2]
 constexpr double kGroundGravitySigma = 0.5;     ///< how steep roads are
 constexpr double kVelocitySigma = 0.3;          ///< [m/s]
@@ -33,18 +25,6 @@ constexpr double kLeadOverWitness = 4.0;  ///< against surfaces that told anothe
 /// By more than this share of the best score two scans contradict a motion: where the way is hardly seen
 /// (tunnels), the true one is worse than some other by up to 0.08.
 constexpr double kMostDisadvantage = 0.1;
-
-/// The turn of `odom` after which the ground about the sensor is level; none without a ground.
-Eigen::Matrix3d level_by_ground(const FeatureSet& features, const Eigen::Matrix3d& R_odom_lidar) {
-  std::vector<Eigen::Vector3f> near;
-  for (const Point& point : features.planes) {
-    if (point.position.norm() < kGroundReachM) near.push_back(R_odom_lidar.cast<float>() * point.position);
-  }
-  const scan::Plane ground = scan::find_plane(near, Eigen::Vector3d::UnitZ(), kMostTilt);
-  if (ground.share < kLeastGround || ground.below > kMostBelow * ground.share)
-    return Eigen::Matrix3d::Identity();
-  return Eigen::Quaterniond::FromTwoVectors(ground.normal, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-}
 
 }  // namespace
 
@@ -64,8 +44,11 @@ void StartReview::add(EstimatorInput input, const imu::NavState& state,
   q_odom_imu_.push_back(q_odom_imu);
   const Eigen::Matrix3d R_odom_lidar = q_odom_imu * T_imu_lidar_.linear();
   if (inputs_.empty()) {
-    R_level_odom_ = level_by_ground(input.features, R_odom_lidar);
-    is_steep_ = input.imu && R_level_odom_(2, 2) < std::cos(kSteep);
+    if (const auto normal = find_ground(input.features, R_odom_lidar)) {
+      R_level_odom_ =
+          Eigen::Quaterniond::FromTwoVectors(*normal, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+      is_steep_ = input.imu && is_steep(*normal, Eigen::Vector3d::UnitZ());
+    }
   }
   if (has_imu) {
     const double dt = input.imu->duration_s();

@@ -11,6 +11,8 @@
 namespace fdi_lio::mapping {
 namespace {
 
+const std::optional<Eigen::Vector3d> kLevel = Eigen::Vector3d::UnitZ();  ///< ground
+
 /// What a sensor at rest reports that is rolled by 0.1 rad, with a turning rate that is its bias.
 imu::Preintegration rest() {
   imu::Preintegration result;
@@ -102,9 +104,9 @@ TEST(ImuStart, InMotionTheVelocityIsFoundAfterTheGivenScans) {
   ImuStart start(config, &reporter);
   const Drive drive(config.sensor.gravity_mps2);
   for (int k = 1; k < config.imu.moving_init_scans; ++k)
-    ASSERT_FALSE(start.in_motion(drive.state(k - 1), drive.state(k), drive.imu(k))) << k;
+    ASSERT_FALSE(start.in_motion(drive.state(k - 1), drive.state(k), drive.imu(k), kLevel)) << k;
   const int last = config.imu.moving_init_scans;
-  const auto found = start.in_motion(drive.state(last - 1), drive.state(last), drive.imu(last));
+  const auto found = start.in_motion(drive.state(last - 1), drive.state(last), drive.imu(last), kLevel);
   ASSERT_TRUE(found);
   EXPECT_LT((found->state.v_odom - drive.velocity(last)).norm(), 0.05);
   EXPECT_LT((found->state.g_odom - Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2)).norm(), 0.1);
@@ -133,13 +135,38 @@ TEST(ImuStart, InMotionMoreScansAreWaitedForWhileGravityIsVague) {
   while (!found && scans < 10 * config.imu.moving_init_scans) {
     ++scans;
     const imu::NavState newest = scattered(scans);
-    found = start.in_motion(before, newest, drive.imu(scans));
+    found = start.in_motion(before, newest, drive.imu(scans), kLevel);
     before = newest;
   }
   ASSERT_TRUE(found);
   EXPECT_GT(scans, config.imu.moving_init_scans);
   EXPECT_LE(static_cast<std::size_t>(scans), ImuStart::most_intervals(config.imu));
   EXPECT_LT((found->state.g_odom - Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2)).norm(), 0.3);
+}
+
+/// Positions that lag behind while the sensor gathers speed tilt what aligns them.
+TEST(ImuStart, InMotionTheGroundContradictsATiltedGravity) {
+  Config config;
+  const Drive drive(config.sensor.gravity_mps2);
+  for (const double tilt_deg : {4.0, 6.0}) {
+    const Eigen::Vector3d ground =
+        Eigen::AngleAxisd(tilt_deg * M_PI / 180.0, Eigen::Vector3d::UnitY()) * Eigen::Vector3d::UnitZ();
+    Reporter reporter;
+    ImuStart start(config, &reporter);
+    std::optional<ImuStart::Found> found;
+    std::size_t scans = 0;
+    while (!found && scans < 2 * ImuStart::most_intervals(config.imu)) {
+      ++scans;
+      const int k = static_cast<int>(scans);
+      found = start.in_motion(drive.state(k - 1), drive.state(k), drive.imu(k), ground);
+    }
+    ASSERT_TRUE(found) << tilt_deg;
+    const bool is_steep = tilt_deg > 5.0;
+    EXPECT_EQ(scans, is_steep ? ImuStart::most_intervals(config.imu)
+                              : static_cast<std::size_t>(config.imu.moving_init_scans));
+    EXPECT_EQ(found->start.has_value(), !is_steep);
+    EXPECT_LT((found->state.v_odom - drive.velocity(static_cast<int>(scans))).norm(), 0.05);
+  }
 }
 
 TEST(ImuStart, AReviewedStartIsPredictedByTheImuAtOnce) {
@@ -183,7 +210,7 @@ TEST(ImuStart, AGravityOfTheWrongSizeIsReportedAndTriedAgain) {
   ImuStart start(config, &reporter);
   const Drive drive(config.sensor.gravity_mps2 + 1.0);
   for (int k = 1; k < 2 * config.imu.moving_init_scans; ++k)
-    EXPECT_FALSE(start.in_motion(drive.state(k - 1), drive.state(k), drive.imu(k))) << k;
+    EXPECT_FALSE(start.in_motion(drive.state(k - 1), drive.state(k), drive.imu(k), kLevel)) << k;
   EXPECT_TRUE(reporter.has("imu_align"));
   EXPECT_FALSE(reporter.has("imu_moving"));
 }

@@ -7,8 +7,8 @@
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/imu/initialisation.hpp"
+#include "fdi_lio/mapping/moving_start.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
-#include "fdi_lio/mapping/start_review.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -20,7 +20,7 @@ class ImuStart {
   struct Found {
     imu::NavState state;
     Smoother::InitialSigma sigma;
-    std::optional<MovingStart> start;  ///< of the first scan that was taken, where it was in motion
+    std::optional<MovingStart> start;  ///< of the first scan, where an alignment of all of them tells it
   };
 
   ImuStart(const Config& config, Reporter* reporter) : config_(config), reporter_(reporter) {}
@@ -37,8 +37,11 @@ class ImuStart {
   /// Takes one more interval from `before` to `newest`, whose poses the scans alone gave; after
   /// `imu.moving_init_scans` of them, what aligns them with the IMU (`imu::align_in_motion`). Nothing while
   /// gravity so found is off by more than 0.5 m/s^2, which is reported: then the first interval is left out.
+  /// While the ground (its normal in odom) is steep against it (`is_steep`) more intervals are waited for,
+  /// and no start is told.
   std::optional<Found> in_motion(const imu::NavState& before, const imu::NavState& newest,
-                                 const imu::Preintegration& imu);
+                                 const imu::Preintegration& imu,
+                                 const std::optional<Eigen::Vector3d>& ground_normal);
 
   std::size_t interval_count() const { return intervals_.size(); }
 

@@ -17,15 +17,16 @@
 #include "fdi_lio/mapping/beam_correction.hpp"
 #include "fdi_lio/mapping/calibration_report.hpp"
 #include "fdi_lio/mapping/estimate_result.hpp"
+#include "fdi_lio/mapping/estimator_input.hpp"
 #include "fdi_lio/mapping/health_monitor.hpp"
 #include "fdi_lio/mapping/imu_start.hpp"
 #include "fdi_lio/mapping/local_map.hpp"
 #include "fdi_lio/mapping/map_candidate.hpp"
 #include "fdi_lio/mapping/map_drift.hpp"
 #include "fdi_lio/mapping/map_tilt.hpp"
+#include "fdi_lio/mapping/moving_start.hpp"
 #include "fdi_lio/mapping/registration.hpp"
 #include "fdi_lio/mapping/smoother.hpp"
-#include "fdi_lio/mapping/start_review.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -101,6 +102,8 @@ class ScanEstimator {
   ImuStart imu_start_;
   BeamCorrection beams_;
   std::optional<FeatureSet> first_;  ///< the first scan, until the second has come
+  /// About the first scan, in odom; only where nothing but an alignment in motion tells which way is up.
+  std::optional<Eigen::Vector3d> ground_normal_;
   bool has_found_motion_ = false;
   std::optional<MovingStart> moving_start_;
   std::optional<MovingStart> aligned_start_;

@@ -43,14 +43,6 @@ std::optional<Eigen::Vector3d> start_velocity(const FeatureSet& first, const imu
                                               const FeatureSet& second, const imu::NavState& predicted,
                                               const Eigen::Isometry3d& T_imu_lidar);
 
-/// How evenly surfaces hold a level position: the smaller eigenvalue of the level part of their information,
-/// in axes whose third is upwards, over the larger, 0 to 1.
-double level_balance(const Eigen::Matrix3d& position_information);
-
-/// From this balance on, positions by surfaces alone can be trusted in all level directions. In tunnels,
-/// where those along the way are chance, it is 0.001 to 0.36, on motorways 0.02 to 0.3.
-constexpr double kLeastBalance = 0.37;
-
 /// Features of a scan that was deskewed as if the sensor had only turned, deskewed with the velocity of
 /// `state` (at the scan's stamp): p + v t, t the time of the point.
 FeatureSet moved_while_scanned(FeatureSet features, const imu::NavState& state,

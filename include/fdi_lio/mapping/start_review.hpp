@@ -8,31 +8,12 @@
 #include <Eigen/Geometry>
 
 #include "fdi_lio/common/config.hpp"
-#include "fdi_lio/common/scan_types.hpp"
-#include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/mapping/brightness_motion.hpp"
-#include "fdi_lio/mapping/smoother.hpp"
-#include "fdi_lio/mapping/start_motion.hpp"
+#include "fdi_lio/mapping/estimator_input.hpp"
+#include "fdi_lio/mapping/moving_start.hpp"
 
 namespace fdi_lio::mapping {
-
-/// What came with one scan.
-struct EstimatorInput {
-  FeatureSet features;
-  degeneracy::Degeneracy degeneracy;
-  std::optional<imu::Preintegration> imu;
-  Eigen::Vector3d v_deskew = Eigen::Vector3d::Zero();  ///< the features were deskewed with it [m/s], in odom
-};
-
-/// What the first scans say together of a start in motion.
-struct MovingStart {
-  Eigen::Vector3d v_odom = Eigen::Vector3d::Zero();      ///< at the first scan [m/s]
-  Eigen::Vector3d up_odom = Eigen::Vector3d::UnitZ();    ///< unit vector
-  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
-  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< [m/s^2]
-  Smoother::InitialSigma sigma;                          ///< of all this
-};
 
 /// Keeps the first scans of a start that may be in motion, and asks them together whether it was. Two scans
 /// alone do not tell where nothing stands beside the road or all walls are smooth; registrations with a wrong
@@ -50,13 +31,10 @@ class StartReview {
   /// the review is over when they are sure, or after the last. `has_witness`: surfaces that stand told the
   /// estimated one from the first two scans alone; it then takes more to overrule it, and nothing slower
   /// that those two scans contradict (`find_start_motion`) does. Upright is what the accelerometer says, or
-  /// the ground where that is tilted against it as no road is, for then the sensor gathers speed or brakes.
+  /// the ground where that is steep against it (`is_steep`), for then the sensor gathers speed or brakes.
   std::optional<MovingStart> find_motion(bool has_witness);
 
   bool is_over() const { return is_over_; }
-
-  /// Of the surfaces of all scans (`level_balance`).
-  double balance() const { return level_balance(position_information_); }
 
   /// All that were added, be it after the review was over.
   const std::vector<EstimatorInput>& inputs() const { return inputs_; }
