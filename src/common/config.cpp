@@ -54,6 +54,9 @@ void SensorConfig::visit(ParameterVisitor& v) {
   v.real({"sensor.accel_model_walk", "m/s^3/sqrt(Hz)",
           "added to accel_bias_walk for scale, axes, mounting, vibration and clocks"},
          accel_model_walk, 0.0, 10.0);
+  v.real({"sensor.accel_bias_sigma", "m/s^2",
+          "what each axis of the accelerometer may be off by at the start: its zero-g offset"},
+         accel_bias_sigma_mps2, 1e-4, 5.0);
   v.real({"sensor.gravity", "m/s^2", "magnitude of gravity"}, gravity_mps2, 9.7, 9.9);
   v.vector3({"sensor.T_imu_lidar.translation", "m", "p_imu = T_imu_lidar * p_lidar"}, t_imu_lidar);
   v.rotation({"sensor.T_imu_lidar.rotation", "", "quaternion x y z w, or matrix row by row"}, q_imu_lidar);

@@ -47,10 +47,12 @@ std::optional<ImuStart::Found> ImuStart::at_rest(const imu::NavState& newest,
   state.w_imu.setZero();
   Smoother::InitialSigma sigma;
   sigma.velocity = 0.02;
+  sigma.accel_bias = config_.sensor.accel_bias_sigma_mps2;
   const double per_mean = 1.0 / std::sqrt(imu.recent.duration_s);
   sigma.gyro_bias = std::hypot(kRestRateSigma, imu.recent.angular_velocity_noise * per_mean);
   sigma.rest_acceleration = std::hypot(kRestAccelerationSigma, imu.recent.acceleration_noise * per_mean);
-  sigma.gravity = std::max(sigma.gravity, sigma.rest_acceleration);
+  // Whatever the bias is across gravity has tilted what is taken for upwards.
+  sigma.gravity = std::max(sigma.accel_bias, sigma.rest_acceleration);
   reporter_->report(Severity::kInfo, "imu_static", "IMU initialised standing still");
   return initialised(state, sigma);
 }
@@ -103,8 +105,8 @@ std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, 
   Smoother::InitialSigma sigma;
   sigma.velocity = 0.2;
   sigma.gyro_bias = 5e-3;
-  sigma.gravity = 0.3;
-  sigma.accel_bias = 0.2;
+  sigma.accel_bias = config_.sensor.accel_bias_sigma_mps2;
+  sigma.gravity = sigma.accel_bias;
   sigma.rest_acceleration = std::max(kLeastGravitySigma, kGravitySigmas * aligned->gravity_sigma_mps2);
   reporter_->report(Severity::kInfo, "imu_moving", "IMU initialised in motion");
   Found found = initialised(state, sigma);

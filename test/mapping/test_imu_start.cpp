@@ -26,6 +26,7 @@ imu::Preintegration rest() {
 TEST(ImuStart, AtRestGravityAndBiasAreTheMeans) {
   Config config;
   config.sensor.gravity_mps2 = 9.80665;
+  config.sensor.accel_bias_sigma_mps2 = 0.42;
   Reporter reporter;
   const ImuStart start(config, &reporter);
   imu::NavState state;
@@ -38,6 +39,9 @@ TEST(ImuStart, AtRestGravityAndBiasAreTheMeans) {
   EXPECT_LT((found->state.gyro_bias - Eigen::Vector3d(1e-3, -2e-3, 3e-3)).norm(), 1e-12);
   EXPECT_LT((found->state.g_odom - Eigen::Vector3d(0.0, 0.0, -9.80665)).norm(), 1e-9);
   EXPECT_TRUE(reporter.has("imu_static"));
+  // A bias across gravity has tilted it by as much.
+  EXPECT_EQ(found->sigma.accel_bias, config.sensor.accel_bias_sigma_mps2);
+  EXPECT_EQ(found->sigma.gravity, config.sensor.accel_bias_sigma_mps2);
 }
 
 /// The length of what is felt tells the bias along gravity. Without it the estimate would rise or sink by the
