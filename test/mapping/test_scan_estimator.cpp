@@ -8,6 +8,7 @@
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/mapping/estimator.hpp"
+#include "fdi_lio/mapping/imu_start.hpp"
 
 namespace fdi_lio::mapping {
 namespace {
@@ -70,44 +71,77 @@ TEST(ScanEstimator, TheVelocityIsTheTrueOneFromTheSecondScanOn) {
   }
 }
 
-/// Who gathers speed by 1 m/s^2 at 3 m/s. What is felt looks like a slope until scans and IMU are aligned.
-TEST(Estimator, AnAlignmentInMotionEstimatesAllScansAnew) {
-  constexpr double kSpeed = 3.0;
-  constexpr double kGained = 1.0;
-  Config config;
-  const Eigen::Vector3d felt(kGained, 0.0, config.sensor.gravity_mps2);
-  Reporter reporter;
-  Estimator estimator(config, &reporter);
-  const auto speed_at = [](double time_s) { return kSpeed + kGained * time_s; };
-  for (int k = 0; k <= config.imu.moving_init_scans; ++k) {
+/// A drive along the street that begins at 3 m/s, scan by scan, with an accelerometer that always feels the
+/// same.
+class Drive {
+ public:
+  Drive(double gained_mps2, const Eigen::Vector3d& felt) : gained_mps2_(gained_mps2), felt_(felt) {}
+
+  double speed_at(double time_s) const { return 3.0 + gained_mps2_ * time_s; }
+
+  std::optional<EstimateResult> add_scan(int k, Estimator* estimator) const {
     const double time_s = kPeriod_s * k;
-    const double here_m = (kSpeed + 0.5 * kGained * time_s) * time_s;
+    const double here_m = (3.0 + 0.5 * gained_mps2_ * time_s) * time_s;
     std::vector<imu::ImuSample> samples;
     for (int n = -20; n <= 0; ++n) {
-      samples.push_back({to_nanoseconds(time_s + 0.05 * kPeriod_s * n), felt, Eigen::Vector3d::Zero()});
+      samples.push_back({to_nanoseconds(time_s + 0.05 * kPeriod_s * n), felt_, Eigen::Vector3d::Zero()});
     }
     imu::Preintegration imu =
         imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
-                          Eigen::Vector3d::Zero(), imu::ImuNoise(), config.imu);
+                          Eigen::Vector3d::Zero(), imu::ImuNoise(), ImuConfig());
     imu.recent.count = 200;
     imu.recent.duration_s = 1.0;
-    imu.recent.mean_acceleration = felt;
+    imu.recent.mean_acceleration = felt_;
     imu.recent.acceleration_std = 1.0;
-    const std::optional<imu::NavState> before = estimator.state();
+    const std::optional<imu::NavState> before = estimator->state();
     const double v_deskew = before ? before->v_odom.norm() : 0.0;
     const FeatureSet features =
         Street().scan(time_s, here_m, speed_at(time_s), v_deskew, static_cast<unsigned>(k + 1));
-    const auto result = estimator.add(features, degeneracy::Degeneracy(), imu);
+    return estimator->add(features, degeneracy::Degeneracy(), imu);
+  }
+
+ private:
+  double gained_mps2_;
+  Eigen::Vector3d felt_;
+};
+
+/// What is felt of gathering speed looks like a slope until scans and IMU are aligned.
+TEST(Estimator, AnAlignmentInMotionEstimatesAllScansAnew) {
+  constexpr double kGained = 1.0;
+  const Config config;
+  const Drive drive(kGained, Eigen::Vector3d(kGained, 0.0, config.sensor.gravity_mps2));
+  Reporter reporter;
+  Estimator estimator(config, &reporter);
+  for (int k = 0; k <= config.imu.moving_init_scans; ++k) {
+    const auto result = drive.add_scan(k, &estimator);
     ASSERT_TRUE(result);
     EXPECT_FALSE(result->is_keyframe);
     ASSERT_EQ(result->revised.size(), k < config.imu.moving_init_scans ? 0U : static_cast<std::size_t>(k));
     for (std::size_t n = 0; n < result->revised.size(); ++n) {
       const imu::NavState& state = result->revised[n];
       EXPECT_EQ(state.imu_status, imu::ImuStatus::kInitialised);
-      EXPECT_NEAR(state.v_odom.norm(), speed_at(kPeriod_s * static_cast<double>(n)), 0.1) << n;
+      EXPECT_NEAR(state.v_odom.norm(), drive.speed_at(kPeriod_s * static_cast<double>(n)), 0.1) << n;
       const Eigen::Vector3d g_imu = state.q_odom_imu.conjugate() * state.g_odom;
       EXPECT_LT((g_imu - Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2)).norm(), 0.3) << n;
     }
+  }
+}
+
+/// Gravity that lies across the ground by 8 degrees is not believed of what came before.
+TEST(Estimator, AnAlignmentThatTheGroundContradictsEstimatesNothingAnew) {
+  const Config config;
+  const double tilt = 8.0 * M_PI / 180.0;
+  const Drive drive(0.0, config.sensor.gravity_mps2 * Eigen::Vector3d(0.0, std::sin(tilt), std::cos(tilt)));
+  Reporter reporter;
+  Estimator estimator(config, &reporter);
+  const int last = static_cast<int>(ImuStart::most_intervals(config.imu));
+  for (int k = 0; k <= last; ++k) {
+    const auto result = drive.add_scan(k, &estimator);
+    ASSERT_TRUE(result);
+    EXPECT_TRUE(result->revised.empty()) << k;
+    EXPECT_EQ(result->state.imu_status,
+              k < last ? imu::ImuStatus::kInitialising : imu::ImuStatus::kInitialised)
+        << k;
   }
 }
 
