@@ -33,6 +33,8 @@ constexpr int kWindowReach = 6;
 constexpr int kMostMoves = 4;          ///< of each size
 constexpr double kSameVelocity = 3.0;  ///< below, two velocities are one
 constexpr std::size_t kFinalists = 6;
+/// Logarithm of the likelihood of a velocity for each vote.
+constexpr double kLikelihoodOfVote = 2.0;
 
 struct Depth {
   std::size_t stride;    ///< of the points
@@ -286,6 +288,38 @@ BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const Kno
   }
   motion.velocity = refined(lanes, motion.velocity, competition);
   return motion;
+}
+
+BrightnessOffset find_brightness_offset(std::vector<BrightScan> scans, const Eigen::Vector3d& velocity,
+                                        const Eigen::Vector3d& axis) {
+  subtract_fixed(&scans);
+  const std::vector<LaneScan> lanes = lanes_of(scans, kFine.stride);
+  std::vector<Hypothesis> hypotheses(kHillSize);
+  const auto offset = [](std::size_t k) { return kHillStep * (static_cast<double>(k) - kHillSteps); };
+  parallel_chunks(hypotheses.size(), 1, [&](std::size_t, std::size_t, std::size_t k) {
+    DetailCells cells;
+    hypotheses[k].velocity = velocity + offset(k) * axis;
+    hypotheses[k].fits = cells.fits(lanes, hypotheses[k].velocity, kFine.farthest);
+  });
+  const Ballot ballot(hypotheses);
+  double most_votes = -std::numeric_limits<double>::infinity();
+  for (Hypothesis& hypothesis : hypotheses) {
+    hypothesis.score = ballot.votes(hypothesis.fits);
+    most_votes = std::max(most_votes, hypothesis.score);
+  }
+  double sum = 0.0;
+  double first_moment = 0.0;
+  double second_moment = 0.0;
+  for (std::size_t k = 0; k < hypotheses.size(); ++k) {
+    const double likelihood = std::exp(kLikelihoodOfVote * (hypotheses[k].score - most_votes));
+    sum += likelihood;
+    first_moment += likelihood * offset(k);
+    second_moment += likelihood * offset(k) * offset(k);
+  }
+  BrightnessOffset result;
+  result.mean_mps = first_moment / sum;
+  result.variance = second_moment / sum - result.mean_mps * result.mean_mps + kHillStep * kHillStep / 12.0;
+  return result;
 }
 
 }  // namespace fdi_lio::mapping

@@ -1,6 +1,7 @@
 #include "fdi_lio/mapping/registration.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/mapping/localizability.hpp"
@@ -11,6 +12,9 @@ namespace {
 /// At a start.
 constexpr int kStartIterations = 20;
 constexpr double kStartMaxResidual = 1.0;
+/// Of the intensity features that find a texture in the map. Where it is less, those that do are a selection:
+/// a cell takes three scans to know a texture, which few see that do not travel with the sensor.
+constexpr double kUsualTextureShare = 0.1;
 }  // namespace
 
 Registration::Registration(const Config& config, Reporter* reporter)
@@ -31,14 +35,20 @@ void Registration::add_directions(const MatchInput& input, const LocalMap& map, 
   alignment->axis_information = geometric.information;
   alignment->axis_noise = geometric.noise_information;
   remove_bias(geometric, information);
+  LidarInformation trusted = *information;
+  soften(geometric, &trusted);
   if (!input.textures.empty()) {
     LidarInformation textures =
         matcher_.linearise_textures(input, map.textures(), at.q_odom_imu, at.t_odom_imu, settings);
     remove_bias(analyse_localizability(textures, margin), &textures);
     add_in_weak_directions(geometric, textures, information);
+    const double share = static_cast<double>(textures.textures) / static_cast<double>(input.textures.size());
+    textures.H *= std::min(1.0, std::pow(share / kUsualTextureShare, 2.0));
+    add_in_weak_directions(geometric, textures, &trusted);
   } else if (config_.soften_weak_directions && at.imu_status == imu::ImuStatus::kInitialised) {
     soften(geometric, information);
   }
+  alignment->trusted_information = trusted.H.bottomRightCorner<3, 3>();
 }
 
 bool Registration::has_converged(const imu::NavState& before, const imu::NavState& after) const {

@@ -70,7 +70,8 @@ ScanEstimator::ScanEstimator(const Config& config, Reporter* reporter, const Sta
       calibration_report_(config.sensor, reporter),
       candidate_(config),
       imu_start_(config, reporter),
-      beams_(config) {}
+      beams_(config),
+      brightness_(T_imu_lidar_) {}
 
 ScanEstimator::~ScanEstimator() { learning_.wait(); }
 
@@ -206,6 +207,7 @@ LidarInformation ScanEstimator::optimise(const MatchInput& input, bool is_shaken
   result->axis_information = alignment.axis_information;
   result->axis_noise = alignment.axis_noise;
   result->is_healthy = alignment.is_healthy;
+  trusted_information_ = alignment.trusted_information;
   if (result->is_healthy) {
     const std::size_t matched = alignment.information.planes + alignment.information.edges;
     health_.add(prediction, smoother_.newest(), static_cast<double>(matched) / static_cast<double>(features));
@@ -252,6 +254,8 @@ void ScanEstimator::adopt_imu(const std::optional<ImuStart::Found>& found) {
 void ScanEstimator::start_smoother(const imu::NavState& state, Smoother::InitialSigma sigma) {
   sigma.beam_elevation = common_elevation_sigma_rad_;
   smoother_.start(state, sigma);
+  // At rest gravity and bias are tied: it does not matter which of them is off.
+  brightness_.reset(sigma.velocity, sigma.rest_acceleration > 0.0 ? 0.0 : sigma.gravity);
 }
 
 /// Of the map on the step from the newest state to `predicted`; nothing while no features tell its size.
@@ -360,6 +364,15 @@ void ScanEstimator::take_up_imu(const std::optional<imu::Preintegration>& imu) {
   adopt_imu(found);
 }
 
+/// Brightness corrects the velocity where nothing else holds it.
+void ScanEstimator::watch_velocity(const FeatureSet& features, const Eigen::Vector3d& v_deskew) {
+  const imu::NavState& newest = smoother_.newest();
+  const bool is_watched = config_.mapping.use_intensity && config_.mapping.watch_velocity;
+  if (!is_watched || newest.imu_status != imu::ImuStatus::kInitialised) return;
+  const auto correction = brightness_.add(features, v_deskew, newest, trusted_information_);
+  if (correction) smoother_.shift(correction->velocity, correction->acceleration);
+}
+
 /// What the newest state may be off by: against the local map, and since the start.
 void ScanEstimator::state_uncertainty(const Matrix15d& covariance, EstimateResult* result) {
   result->map_covariance = covariance.topLeftCorner<6, 6>();
@@ -417,6 +430,7 @@ std::optional<EstimateResult> ScanEstimator::add(EstimatorInput input, bool is_r
     if (smoother_.newest().imu_status == imu::ImuStatus::kInitialised) first.reset();
     if (first) search_motion(*first, imu, &features);
   }
+  const Eigen::Vector3d v_deskewed = deskew_velocity(input.v_deskew, is_reviewed);
   features = deskewed_anew(std::move(features), input.v_deskew, is_reviewed);
   if (!is_first) {
     if (config_.mapping.calibrate_beams) features = beams_.apply(std::move(features), smoother_.newest());
@@ -424,6 +438,7 @@ std::optional<EstimateResult> ScanEstimator::add(EstimatorInput input, bool is_r
     const bool is_unknown = first && !has_found_motion_ && result.is_healthy;
     if (is_unknown && adopt_motion(*first, imu, &features)) match(features, imu, &result);
     take_up_imu(imu);
+    if (result.is_healthy) watch_velocity(features, v_deskewed);
   }
   result.state = smoother_.newest();
   result.status.stamp = features.stamp;

@@ -174,6 +174,15 @@ void Smoother::reduce_beam_elevation(double taken_out) {
 
 void Smoother::set_lidar(const LidarInformation& information) { window_.back().lidar = information; }
 
+void Smoother::shift(const Eigen::Vector3d& velocity, const Eigen::Vector3d& gravity) {
+  const auto move = [&](imu::NavState* state) {
+    state->v_odom += velocity;
+    state->g_odom = gravity_mps2_ * (state->g_odom + gravity).normalized();
+  };
+  for (Entry& entry : window_) move(&entry.state);
+  move(&prior_.linearisation);
+}
+
 bool Smoother::solve() {
   Problem problem(*this, window_.size(), window_.size());
   problem.hold_gravity_norm(window_[0].state, gravity_mps2_);

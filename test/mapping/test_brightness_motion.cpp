@@ -117,6 +117,29 @@ TEST(BrightnessMotion, SensorsWithoutIntensitySayNothing) {
   EXPECT_LT(find_brightness_motion(scans, KnownMotion()).lead, kSure);
 }
 
+TEST(BrightnessOffset, FindsWhatAVelocityIsOffBy) {
+  for (const double yaw : {0.0, 0.6}) {
+    const auto scans = drive(SyntheticRoad(), 16.3, yaw);
+    for (const double offset : {-1.5, 0.0, 0.7}) {
+      const BrightnessOffset found =
+          find_brightness_offset(scans, along(16.3 - offset, yaw), along(1.0, yaw));
+      EXPECT_NEAR(found.mean_mps, offset, 0.25) << yaw;
+      EXPECT_LT(found.variance, 0.25);
+    }
+  }
+}
+
+/// Then it is anywhere between -3 and 3 m/s, in 31 steps.
+TEST(BrightnessOffset, APlainRoadSaysNothing) {
+  SyntheticRoad road;
+  road.roughness = 0.0;
+  road.with_traffic = false;
+  const BrightnessOffset found =
+      find_brightness_offset(drive(road, 16.3), along(15.3, 0.0), Eigen::Vector3d::UnitX());
+  EXPECT_NEAR(found.mean_mps, 0.0, 0.6);
+  EXPECT_NEAR(std::sqrt(found.variance), 3.1 / std::sqrt(3.0), 0.3);
+}
+
 TEST(BrightnessMotion, ScansWithoutPointsSayNothing) {
   std::vector<BrightScan> scans(kScans);
   for (std::size_t k = 0; k < kScans; ++k) scans[k].stamp = static_cast<Stamp>(100000000 * k);

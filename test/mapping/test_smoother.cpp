@@ -172,6 +172,27 @@ TEST_F(Window, MarginalisationLosesNothingOnALinearProblem) {
   }
 }
 
+TEST_F(Window, AShiftMovesTheEstimateAndKeepsWhatIsKnown) {
+  const Eigen::Vector3d velocity(0.4, -0.1, 0.0);
+  const Eigen::Vector3d gravity(0.2, 0.0, 0.0);
+  Smoother smoother(3, 9.81, {}, 0.0);
+  smoother.start(motion_.state(0.0), Smoother::InitialSigma());
+  const imu::Preintegration p = interval(0, smoother.newest());
+  smoother.add(imu::predict(smoother.newest(), p), p, true, Eigen::Vector3d::Zero());
+  ASSERT_TRUE(smoother.solve());
+  const imu::NavState before = smoother.newest();
+  const Matrix15d covariance = smoother.covariance();
+  smoother.shift(velocity, gravity);
+  const imu::NavState after = smoother.newest();
+  EXPECT_LT((after.v_odom - before.v_odom - velocity).norm(), 1e-12);
+  EXPECT_LT((after.g_odom - before.g_odom - gravity).norm(), 0.003);
+  EXPECT_NEAR(after.g_odom.norm(), 9.81, 1e-12);
+  EXPECT_LT((smoother.covariance() - covariance).norm(), 1e-3 * covariance.norm());
+  // Nothing pulls it back: what is known of the past has moved as well.
+  ASSERT_TRUE(smoother.solve());
+  EXPECT_LT((smoother.newest().v_odom - after.v_odom).norm(), 0.02);
+}
+
 TEST_F(Window, WithoutLidarTheCovarianceGrows) {
   run(4, 10);
   const Matrix15d with_lidar = covariance_;

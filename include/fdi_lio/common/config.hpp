@@ -137,6 +137,7 @@ struct MappingConfig {
   double intensity_voxel_m = 0.2;
   bool judge_patches = true;
   bool soften_weak_directions = true;
+  bool watch_velocity = true;
   double localizability_margin = 1.0;
   double covariance_factor = 3.0;
   double drift_share = 1.0;

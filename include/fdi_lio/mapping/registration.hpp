@@ -24,6 +24,8 @@ struct Alignment {
   /// Information along each of the status's axes, and what the noise alone would give [1/m^2].
   Eigen::Matrix<double, 6, 1> axis_information = Eigen::Matrix<double, 6, 1>::Zero();
   Eigen::Matrix<double, 6, 1> axis_noise = Eigen::Matrix<double, 6, 1>::Zero();
+  /// Of the position (odom axes, [1/m^2]): of surfaces, as far as it is more than noise gives, and textures.
+  Eigen::Matrix3d trusted_information = Eigen::Matrix3d::Zero();
   bool is_healthy = true;  ///< false: no match was possible, or the solver failed
 };
 

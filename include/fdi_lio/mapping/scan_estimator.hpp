@@ -15,6 +15,7 @@
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/mapping/adaptation.hpp"
 #include "fdi_lio/mapping/beam_correction.hpp"
+#include "fdi_lio/mapping/brightness_watch.hpp"
 #include "fdi_lio/mapping/calibration_report.hpp"
 #include "fdi_lio/mapping/estimate_result.hpp"
 #include "fdi_lio/mapping/estimator_input.hpp"
@@ -76,6 +77,7 @@ class ScanEstimator {
   void match(const FeatureSet& features, const std::optional<imu::Preintegration>& imu,
              EstimateResult* result);
   LidarInformation optimise(const MatchInput& input, bool is_shaken, EstimateResult* result);
+  void watch_velocity(const FeatureSet& features, const Eigen::Vector3d& v_deskew);
   void take_up_imu(const std::optional<imu::Preintegration>& imu);
   void adopt_imu(const std::optional<ImuStart::Found>& found);
   void start_smoother(const imu::NavState& state, Smoother::InitialSigma sigma);
@@ -101,6 +103,8 @@ class ScanEstimator {
   MapCandidate candidate_;
   ImuStart imu_start_;
   BeamCorrection beams_;
+  BrightnessWatch brightness_;
+  Eigen::Matrix3d trusted_information_ = Eigen::Matrix3d::Zero();  ///< Alignment's, of the newest scan
   std::optional<FeatureSet> first_;  ///< the first scan, until the second has come
   /// About the first scan, in odom; only where nothing but an alignment in motion tells which way is up.
   std::optional<Eigen::Vector3d> ground_normal_;

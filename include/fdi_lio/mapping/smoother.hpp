@@ -55,6 +55,10 @@ class Smoother {
   /// Sets (replaces) the lidar information of the newest state.
   void set_lidar(const LidarInformation& information);
 
+  /// Moves what is estimated of all states by these (odom axes), gravity at its magnitude, and leaves what is
+  /// known of them as it is: for who knows better than the covariance what the estimates may be off by.
+  void shift(const Eigen::Vector3d& velocity, const Eigen::Vector3d& gravity);
+
   /// Minimises over the window; the newest state is then `newest()`. False when Ceres found no usable
   /// solution, and the states are as they were.
   bool solve();
