@@ -22,11 +22,11 @@ constexpr double kDoubtfulVelocity = 0.1;  ///< [m/s]
 constexpr double kAcceleration = 0.1;       ///< [m/s^2]
 constexpr double kAccelerationWalk = 0.03;  ///< [m/s^2/sqrt(s)]
 /// For so long the positions of scans tell a velocity [s].
-constexpr double kMemory = 0.9;
+constexpr double kMemory = 1.6;
 /// Slower, what travels with the sensor is among the velocities that are compared, and would speak for rest.
 constexpr double kLeastSpeed = 6.0;
 /// An offset whose square is more than so many times what was expected refutes the covariance.
-constexpr double kRefuting = 2.0;
+constexpr double kRefuting = 4.0;
 
 }  // namespace
 
