@@ -319,11 +319,12 @@ Eigen::Vector3d ScanEstimator::deskew_velocity(const Eigen::Vector3d& v_deskew, 
   return moving_start_ && is_reviewed ? newest.v_odom : v_deskew;
 }
 
-FeatureSet ScanEstimator::deskewed_anew(FeatureSet features, const Eigen::Vector3d& v_deskew,
-                                        bool is_reviewed) const {
+/// With `v_odom` instead of `v_before`.
+FeatureSet ScanEstimator::deskewed_anew(FeatureSet features, const Eigen::Vector3d& v_before,
+                                        const Eigen::Vector3d& v_odom) const {
+  if (v_odom == v_before) return features;
   imu::NavState state = smoother_.newest();
-  state.v_odom = deskew_velocity(v_deskew, is_reviewed) - v_deskew;
-  if (state.v_odom.isZero(0.0)) return features;
+  state.v_odom = v_odom - v_before;
   return moved_while_scanned(std::move(features), state, T_imu_lidar_);
 }
 
@@ -370,7 +371,13 @@ void ScanEstimator::watch_velocity(const FeatureSet& features, const Eigen::Vect
   const bool is_watched = config_.mapping.use_intensity && config_.mapping.watch_velocity;
   if (!is_watched || newest.imu_status != imu::ImuStatus::kInitialised) return;
   const auto correction = brightness_.add(features, v_deskew, newest, trusted_information_);
-  if (correction) smoother_.shift(correction->velocity, correction->acceleration);
+  if (!correction) return;
+  smoother_.shift(correction->velocity, correction->acceleration);
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(2)
+       << "neither surfaces nor textures hold the velocity: the brightness of what passes by corrects it, by "
+       << correction->velocity.norm() << " m/s";
+  reporter_->report(Severity::kInfo, "brightness_velocity", text.str());
 }
 
 /// What the newest state may be off by: against the local map, and since the start.
@@ -430,15 +437,15 @@ std::optional<EstimateResult> ScanEstimator::add(EstimatorInput input, bool is_r
     if (smoother_.newest().imu_status == imu::ImuStatus::kInitialised) first.reset();
     if (first) search_motion(*first, imu, &features);
   }
-  const Eigen::Vector3d v_deskewed = deskew_velocity(input.v_deskew, is_reviewed);
-  features = deskewed_anew(std::move(features), input.v_deskew, is_reviewed);
+  const Eigen::Vector3d v_deskew = deskew_velocity(input.v_deskew, is_reviewed);
+  features = deskewed_anew(std::move(features), input.v_deskew, v_deskew);
   if (!is_first) {
     if (config_.mapping.calibrate_beams) features = beams_.apply(std::move(features), smoother_.newest());
     match(features, imu, &result);
     const bool is_unknown = first && !has_found_motion_ && result.is_healthy;
     if (is_unknown && adopt_motion(*first, imu, &features)) match(features, imu, &result);
     take_up_imu(imu);
-    if (result.is_healthy) watch_velocity(features, v_deskewed);
+    if (result.is_healthy) watch_velocity(features, v_deskew);
   }
   result.state = smoother_.newest();
   result.status.stamp = features.stamp;

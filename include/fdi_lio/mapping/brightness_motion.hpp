@@ -46,7 +46,7 @@ struct BrightnessOffset {
   double variance = 0.0;  ///< [(m/s)^2]
 };
 
-/// Of `velocity` at the first of consecutive scans along `axis`, a level unit direction (both level axes):
+/// Of `velocity` at the first of consecutive scans along `axis`, a unit vector (both level axes):
 /// mean and variance of an offset x with the likelihood exp(2 votes(velocity + x axis)), see above, within 3
 /// m/s. Where nothing is painted all are equally likely: the mean is 0, the standard deviation 1.8 m/s.
 BrightnessOffset find_brightness_offset(std::vector<BrightScan> scans, const Eigen::Vector3d& velocity,

@@ -16,9 +16,9 @@ namespace fdi_lio::mapping {
 /// smoother does not know: it takes the map as given, which its own scans made, so that chance confirms what
 /// it predicts, and its covariance stays small however far the velocity drifts off.
 ///
-/// What velocity and acceleration may be off by along the direction that is known worst is kept here, as the
-/// covariance P of [dv, da]: da is a random walk, dv its integral, and surfaces and textures hold dv as far
-/// as they are more than noise. While dv is doubtful, the brightness of each 16 scans is asked for it
+/// What velocity and acceleration may be off by along the way is kept here, as the covariance P of [dv, da]:
+/// da is a random walk, dv its integral, and surfaces and textures hold dv as far as they are more than
+/// noise. While dv is doubtful, the brightness of each 16 scans is asked for it
 /// (`find_brightness_offset`), and the answer corrects both with the gains of a Kalman filter.
 class BrightnessWatch {
  public:
@@ -39,7 +39,7 @@ class BrightnessWatch {
   void reset(double velocity_sigma, double gravity_sigma);
 
  private:
-  void advance(Stamp stamp, const Eigen::Matrix3d& trusted_information);
+  void advance(const imu::NavState& state, const Eigen::Matrix3d& trusted_information);
   Correction ask();
   void forget_scans();
 
@@ -47,8 +47,7 @@ class BrightnessWatch {
   Eigen::Matrix2d covariance_ = Eigen::Matrix2d::Zero();  ///< P
   std::optional<Stamp> newest_;
   std::vector<BrightScan> scans_;
-  std::vector<imu::NavState> states_;                      ///< of `scans_`
-  Eigen::Matrix3d information_ = Eigen::Matrix3d::Zero();  ///< of `scans_`
+  std::vector<imu::NavState> states_;  ///< of `scans_`
 };
 
 }  // namespace fdi_lio::mapping

@@ -73,7 +73,8 @@ class ScanEstimator {
   void begin_with_velocity(const Eigen::Vector3d& v_odom, const FeatureSet& first,
                            const std::optional<imu::Preintegration>& imu, FeatureSet* features);
   Eigen::Vector3d deskew_velocity(const Eigen::Vector3d& v_deskew, bool is_reviewed) const;
-  FeatureSet deskewed_anew(FeatureSet features, const Eigen::Vector3d& v_deskew, bool is_reviewed) const;
+  FeatureSet deskewed_anew(FeatureSet features, const Eigen::Vector3d& v_before,
+                           const Eigen::Vector3d& v_odom) const;
   void match(const FeatureSet& features, const std::optional<imu::Preintegration>& imu,
              EstimateResult* result);
   LidarInformation optimise(const MatchInput& input, bool is_shaken, EstimateResult* result);
