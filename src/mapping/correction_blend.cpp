@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fdi_lio/mapping/pose_tangent.hpp"
+#include "fdi_lio/common/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 

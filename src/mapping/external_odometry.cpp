@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fdi_lio/common/pose_tangent.hpp"
 #include "fdi_lio/common/so3.hpp"
-#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 

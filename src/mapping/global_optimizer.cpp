@@ -6,6 +6,7 @@
 
 #include <malloc.h>
 
+#include "fdi_lio/common/pose_tangent.hpp"
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/mapping/ghost_remover.hpp"
 #include "fdi_lio/mapping/graph_measurements.hpp"
@@ -13,7 +14,6 @@
 #include "fdi_lio/mapping/loop_detector.hpp"
 #include "fdi_lio/mapping/loop_verifier.hpp"
 #include "fdi_lio/mapping/odometry_check.hpp"
-#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 

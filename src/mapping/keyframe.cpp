@@ -16,7 +16,8 @@ std::vector<Point> moved(std::vector<Point> points, const Eigen::Isometry3f& T) 
 
 }  // namespace
 
-Keyframe KeyframeMaker::make(const EstimateResult& estimate, DeskewedScan scan, const FeatureSet& features) {
+Keyframe KeyframeMaker::make(const odometry::EstimateResult& estimate, DeskewedScan scan,
+                             const FeatureSet& features) {
   Keyframe keyframe;
   keyframe.stamp = estimate.state.stamp;
   keyframe.T_odom_imu = estimate.state.T_odom_imu();

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "fdi_lio/mapping/pose_tangent.hpp"
+#include "fdi_lio/common/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 

@@ -9,8 +9,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "fdi_lio/common/pose_tangent.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
-#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -57,7 +57,8 @@ constexpr std::size_t kLookups = 64;
 constexpr double kJoinedM = 0.1;
 constexpr double kJoinedRad = 0.5 * M_PI / 180.0;
 
-void insert(const std::vector<PlacedCloud>& clouds, std::vector<Point> KeyframeCloud::*layer, VoxelMap* map) {
+void insert(const std::vector<PlacedCloud>& clouds, std::vector<Point> KeyframeCloud::*layer,
+            matching::VoxelMap* map) {
   for (const PlacedCloud& placed : clouds) {
     std::vector<Eigen::Vector3d> positions;
     std::vector<float> intensities;
@@ -79,16 +80,16 @@ struct LoopVerifier::Scene {
     Eigen::Vector3d normal;
   };
 
-  VoxelMap planes;
-  VoxelMap edges;
+  matching::VoxelMap planes;
+  matching::VoxelMap edges;
   std::vector<Point> source_planes;
   std::vector<WallPoint> walls;  ///< of the source, with a normal of its own
-  MatchInput input;
+  matching::MatchInput input;
 };
 
 struct LoopVerifier::Solution {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  LidarInformation information;
+  matching::LidarInformation information;
   double score = 0.0;  ///< see wall_score
 };
 
@@ -103,10 +104,10 @@ LoopVerifier::LoopVerifier(const Config& config) : config_(config.loop), matcher
 
 LoopVerifier::Scene LoopVerifier::make_scene(const std::vector<PlacedCloud>& target,
                                              const std::vector<PlacedCloud>& source) const {
-  Scene scene{VoxelMap(plane_map_config_), VoxelMap(edge_map_config_), {}, {}, {}};
+  Scene scene{matching::VoxelMap(plane_map_config_), matching::VoxelMap(edge_map_config_), {}, {}, {}};
   insert(target, &KeyframeCloud::planes, &scene.planes);
   insert(target, &KeyframeCloud::edges, &scene.edges);
-  VoxelMap source_map(plane_map_config_);
+  matching::VoxelMap source_map(plane_map_config_);
   insert(source, &KeyframeCloud::planes, &source_map);
   MapBuilder planes(config_.source_voxel_m);
   MapBuilder edges(0.5 * config_.source_voxel_m);
@@ -118,7 +119,7 @@ LoopVerifier::Scene LoopVerifier::make_scene(const std::vector<PlacedCloud>& tar
   for (const Point& point : scene.source_planes) {
     const Eigen::Vector3d position = point.position.cast<double>();
     scene.input.planes.push_back(position);
-    const Cell* cell = source_map.find_plane(position, false);
+    const matching::Cell* cell = source_map.find_plane(position, false);
     if (cell != nullptr && std::abs(cell->axes(2, 0)) <= kMaxWallNormalZ)
       scene.walls.push_back({position, cell->axes.col(0)});
   }
@@ -179,7 +180,7 @@ double LoopVerifier::wall_score(const Scene& scene, const Eigen::Isometry3d& T, 
   const Eigen::Matrix3d R = T.linear();
   double sum = 0.0;
   std::array<Eigen::Vector3d, kLookups> points;
-  std::array<const Cell*, kLookups> cells{};
+  std::array<const matching::Cell*, kLookups> cells{};
   for (std::size_t first = 0; first < taken; first += kLookups) {
     const std::size_t size = std::min(kLookups, taken - first);
     for (std::size_t k = 0; k < size; ++k) points[k] = T * scene.walls[(first + k) * count / taken].position;
@@ -247,7 +248,7 @@ std::optional<LoopVerifier::Solution> LoopVerifier::refine(const Scene& scene,
   prior.diagonal().tail<3>().setConstant(std::pow(start.sigma_translation_m, -2));
   Solution solution;
   solution.T = T_start;
-  MatchSettings settings;
+  matching::MatchSettings settings;
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     settings.wide = iteration < kWideIterations;
     if (!settings.wide && std::any_of(found.begin(), found.end(), [&solution](const Solution& other) {
@@ -278,7 +279,7 @@ void LoopVerifier::measure(const Scene& scene, const Eigen::Isometry3d& T, LoopC
   double sums[5] = {};  // of a, b, aa, bb, ab
   for (const Point& point : scene.source_planes) {
     const Eigen::Vector3d p = T * point.position.cast<double>();
-    const Cell* cell = scene.planes.find_plane(p, true);
+    const matching::Cell* cell = scene.planes.find_plane(p, true);
     if (cell == nullptr) continue;
     const double residual = cell->axes.col(0).dot(p - cell->mean);
     if (std::abs(residual) > kOverlapDistanceM) continue;

@@ -5,7 +5,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "fdi_lio/mapping/pose_tangent.hpp"
+#include "fdi_lio/common/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 

@@ -55,7 +55,7 @@ LoopCandidate to_message(const mapping::LoopCandidate& loop, const mapping::Glob
   return message;
 }
 
-LocalisationStatus to_message(const mapping::LocalisationResult& result, const std::string& map_frame) {
+LocalisationStatus to_message(const localisation::LocalisationResult& result, const std::string& map_frame) {
   LocalisationStatus message;
   message.header.stamp = ros_bridge::to_ros_time(result.stamp);
   message.header.frame_id = map_frame;
@@ -131,10 +131,10 @@ MapFrame::MapFrame(ros::NodeHandle handle, const Config& config, SensorFrames* f
   begin_anew();
 }
 
-std::shared_ptr<mapping::LocaliserWorker> MapFrame::make_localiser(mapping::Session session) {
-  return std::make_shared<mapping::LocaliserWorker>(
+std::shared_ptr<localisation::LocaliserWorker> MapFrame::make_localiser(mapping::Session session) {
+  return std::make_shared<localisation::LocaliserWorker>(
       config_, std::move(session), reporter_,
-      [this, publisher = localisation_publisher_](const mapping::LocalisationResult& result) {
+      [this, publisher = localisation_publisher_](const localisation::LocalisationResult& result) {
         publisher.publish(to_message(result, config_.frames.map));
         const std::lock_guard<std::mutex> lock(mutex_);
         if (is_recorded_) results_.push_back(result);
@@ -165,7 +165,7 @@ void MapFrame::begin_anew() {
   keyframes_.reset();
   // Their threads end below, without the lock, for which they may wait.
   std::shared_ptr<mapping::GlobalWorker> ended_map;
-  std::shared_ptr<mapping::LocaliserWorker> ended_localiser;
+  std::shared_ptr<localisation::LocaliserWorker> ended_localiser;
   bool is_new_session = false;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -190,7 +190,7 @@ void MapFrame::on_initial_pose(const geometry_msgs::PoseWithCovarianceStampedCon
   tf2::fromMsg(message->pose.pose, T_map_base);
   const Eigen::Isometry3d T_map_imu = T_map_base * *T_base_imu;
   const auto& covariance = message->pose.covariance;
-  mapping::InitialPose pose;
+  localisation::InitialPose pose;
   pose.x_m = T_map_imu.translation().x();
   pose.y_m = T_map_imu.translation().y();
   pose.yaw_rad = std::atan2(T_map_imu.linear()(1, 0), T_map_imu.linear()(0, 0));
@@ -220,7 +220,8 @@ void MapFrame::send_transform(Stamp stamp, const Eigen::Isometry3d& T_map_odom) 
   broadcaster_.sendTransform(message);
 }
 
-void MapFrame::add(const mapping::EstimateResult& estimate, const FeatureSet& features, const Config& known) {
+void MapFrame::add(const odometry::EstimateResult& estimate, const FeatureSet& features,
+                   const Config& known) {
   if (!keyframes_) keyframes_.emplace(known.sensor.T_imu_lidar(), config_.mapping.output_map_voxel_m);
   const Stamp stamp = estimate.state.stamp;
   const Eigen::Isometry3d T_odom_imu = estimate.state.T_odom_imu();
@@ -258,7 +259,7 @@ void MapFrame::add_cloud(const DeskewedCloudConstPtr& cloud) {
 /// Gives the scans whose clouds have come to the map, or to the localisation.
 void MapFrame::take_clouds() {
   while (!waiting_.empty()) {
-    const mapping::EstimateResult& estimate = waiting_.front().estimate;
+    const odometry::EstimateResult& estimate = waiting_.front().estimate;
     const DeskewedCloudConstPtr cloud = take(&clouds_, ros_bridge::to_ros_time(estimate.state.stamp));
     if (!cloud && clouds_.empty()) return;  // it has yet to come
     if (cloud) {
@@ -351,7 +352,7 @@ void MapFrame::fill_diagnostics(diagnostic_updater::DiagnosticStatusWrapper* sta
   const auto result = localiser_->result();
   status->add("localisation", result ? to_text(result->state) : "waits for the first scan");
   if (result) status->add("localisation verdict", to_text(result->registration.verdict));
-  if (result && result->state == mapping::LocalisationState::kLost)
+  if (result && result->state == localisation::LocalisationState::kLost)
     status->mergeSummary(DiagnosticStatus::WARN, "the place in the session is lost");
   if (!localiser_->error().empty()) status->mergeSummary(DiagnosticStatus::ERROR, localiser_->error());
 }

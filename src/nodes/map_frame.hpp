@@ -18,12 +18,12 @@
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <tf2_ros/transform_broadcaster.h>
 
+#include "fdi_lio/localisation/localiser_worker.hpp"
 #include "fdi_lio/mapping/correction_blend.hpp"
-#include "fdi_lio/mapping/estimate_result.hpp"
 #include "fdi_lio/mapping/global_worker.hpp"
 #include "fdi_lio/mapping/keyframe.hpp"
-#include "fdi_lio/mapping/localiser_worker.hpp"
 #include "fdi_lio/mapping/map_display.hpp"
+#include "fdi_lio/odometry/estimate_result.hpp"
 #include "fdi_lio/pipeline/run_directory.hpp"
 #include <fdi_lio/DeskewedCloud.h>
 
@@ -43,7 +43,7 @@ class MapFrame {
   void begin_anew();
 
   /// Takes the estimate of a scan. `known` has the extrinsics.
-  void add(const mapping::EstimateResult& estimate, const FeatureSet& features, const Config& known);
+  void add(const odometry::EstimateResult& estimate, const FeatureSet& features, const Config& known);
 
   /// Takes the scan's cloud, before or after its estimate.
   void add_cloud(const DeskewedCloudConstPtr& cloud);
@@ -75,11 +75,11 @@ class MapFrame {
   };
 
   struct WaitingScan {
-    mapping::EstimateResult estimate;
+    odometry::EstimateResult estimate;
     FeatureSet features;
   };
 
-  std::shared_ptr<mapping::LocaliserWorker> make_localiser(mapping::Session session);
+  std::shared_ptr<localisation::LocaliserWorker> make_localiser(mapping::Session session);
   void on_initial_pose(const geometry_msgs::PoseWithCovarianceStampedConstPtr& message);
   std::optional<Eigen::Isometry3d> newest_correction() const;
   void send_transform(Stamp stamp, const Eigen::Isometry3d& T_map_odom);
@@ -110,12 +110,12 @@ class MapFrame {
   ros::Publisher map_publisher_, loops_publisher_, gnss_publisher_, localisation_publisher_;
 
   bool is_recorded_;
-  mutable std::mutex mutex_;                          ///< of what other threads read or write: what follows
-  std::vector<evaluation::StampedPose> poses_;        ///< T_odom_imu of every scan; when localising T_map_imu
-  std::vector<mapping::LocalisationResult> results_;  ///< when recorded
+  mutable std::mutex mutex_;                    ///< of what other threads read or write: what follows
+  std::vector<evaluation::StampedPose> poses_;  ///< T_odom_imu of every scan; when localising T_map_imu
+  std::vector<localisation::LocalisationResult> results_;  ///< when recorded
   std::shared_ptr<mapping::GlobalWorker> global_;
-  std::shared_ptr<mapping::LocaliserWorker> localiser_;
-  std::shared_ptr<mapping::LocaliserWorker> loaded_;  ///< by a service, not yet in use
+  std::shared_ptr<localisation::LocaliserWorker> localiser_;
+  std::shared_ptr<localisation::LocaliserWorker> loaded_;  ///< by a service, not yet in use
 };
 
 }  // namespace fdi_lio::nodes

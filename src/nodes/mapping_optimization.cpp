@@ -260,7 +260,7 @@ void MappingOptimization::process(const Features& features, const PreintegratedI
     if (!estimate) {
       // The others wait for an answer also to a scan that was refused.
       if (const auto state = estimator_->state()) {
-        mapping::EstimateResult unchanged;
+        odometry::EstimateResult unchanged;
         unchanged.state = *state;
         state_publisher_.publish(
             ros_bridge::to_state_message(unchanged, stamp, config().frames.odom, config().frames.imu));
@@ -279,7 +279,7 @@ void MappingOptimization::process(const Features& features, const PreintegratedI
 }
 
 void MappingOptimization::publish(const pipeline::ScanOutput& output, const std::string& lidar_frame) {
-  const mapping::EstimateResult& estimate = output.estimate;
+  const odometry::EstimateResult& estimate = output.estimate;
   const FrameConfig& frames = config().frames;
   status_publisher_.publish(ros_bridge::to_status_message(estimate, frames.imu));
   const EstimatorStatePtr state =

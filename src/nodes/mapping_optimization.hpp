@@ -15,7 +15,7 @@
 
 #include "fdi_lio/common/answer_gate.hpp"
 #include "fdi_lio/evaluation/stage_times.hpp"
-#include "fdi_lio/mapping/estimator.hpp"
+#include "fdi_lio/odometry/estimator.hpp"
 #include "fdi_lio/pipeline/run_directory.hpp"
 #include <fdi_lio/Degeneracy.h>
 #include <fdi_lio/DeskewedCloud.h>
@@ -62,7 +62,7 @@ class MappingOptimization : public NodeBase {
   void publish_maps();
 
   std::optional<Config> known_;  ///< parameters with the extrinsics that tf may have supplied
-  std::optional<mapping::Estimator> estimator_;
+  std::optional<odometry::Estimator> estimator_;
   std::optional<AnswerGate> imu_gate_, degeneracy_gate_;
   std::optional<SensorFrames> frames_;
   std::optional<Stamp> previous_scan_;

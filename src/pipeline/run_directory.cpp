@@ -113,7 +113,7 @@ void RunDirectory::write_degeneracy(const ScanOutput& output) {
   check_written(degeneracy_, path_ / "degeneracy.csv");
 }
 
-void RunDirectory::write_covariance(const mapping::EstimateResult& estimate) {
+void RunDirectory::write_covariance(const odometry::EstimateResult& estimate) {
   covariance_ << stamp_text(estimate.state.stamp);
   for (int row = 0; row < 6; ++row) {
     for (int column = row; column < 6; ++column) covariance_ << ',' << estimate.covariance(row, column);
@@ -122,7 +122,7 @@ void RunDirectory::write_covariance(const mapping::EstimateResult& estimate) {
   check_written(covariance_, path_ / "covariance.csv");
 }
 
-void RunDirectory::write_directions(const mapping::EstimateResult& estimate) {
+void RunDirectory::write_directions(const odometry::EstimateResult& estimate) {
   const degeneracy::OptimisationStatus& status = estimate.status;
   for (int axis = 0; axis < 6; ++axis) {
     directions_ << stamp_text(estimate.state.stamp) << ',' << axis << ',' << status.localizability[axis]
@@ -154,8 +154,9 @@ void RunDirectory::write_trajectory(const std::string& name,
   std::filesystem::rename(temporary, path);
 }
 
-void RunDirectory::write_localisation(const std::vector<evaluation::StampedPose>& poses,
-                                      const std::vector<mapping::LocalisationResult>& registrations) const {
+void RunDirectory::write_localisation(
+    const std::vector<evaluation::StampedPose>& poses,
+    const std::vector<localisation::LocalisationResult>& registrations) const {
   write_trajectory("trajectory.tum", poses);
   const std::filesystem::path path = path_ / "localisation.csv";
   std::ofstream out = open_for_writing(path);
@@ -163,7 +164,7 @@ void RunDirectory::write_localisation(const std::vector<evaluation::StampedPose>
   out << "stamp,state,verdict,overlap,wall_share,residual,intensity_correlation,surface_correlation,chi_"
          "square,weak_directions,"
          "failures,sigma_rotation,sigma_translation\n";
-  for (const mapping::LocalisationResult& each : registrations) {
+  for (const localisation::LocalisationResult& each : registrations) {
     const mapping::LoopCandidate& registration = each.registration;
     out << stamp_text(each.stamp) << ',' << to_text(each.state) << ',' << to_text(registration.verdict) << ','
         << registration.overlap << ',' << registration.wall_share << ',' << registration.residual_m << ','

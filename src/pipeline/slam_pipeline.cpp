@@ -74,7 +74,7 @@ class SlamPipeline::Implementation {
   scan::ScanProcessor scan_processor_;
   features::FeatureExtractor extractor_;
   degeneracy::DegeneracyEstimator degeneracy_;
-  mapping::Estimator estimator_;
+  odometry::Estimator estimator_;
   degeneracy::Degeneracy previous_;
   std::optional<degeneracy::OptimisationStatus> status_;
   std::optional<Scan> waiting_;

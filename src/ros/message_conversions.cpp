@@ -109,7 +109,7 @@ degeneracy::Degeneracy to_degeneracy(const Degeneracy& message) {
   return degeneracy;
 }
 
-OptimisationStatusPtr to_status_message(const mapping::EstimateResult& estimate,
+OptimisationStatusPtr to_status_message(const odometry::EstimateResult& estimate,
                                         const std::string& imu_frame) {
   auto message = boost::make_shared<OptimisationStatus>();
   message->header.stamp = to_ros_time(estimate.status.stamp);
@@ -137,7 +137,7 @@ degeneracy::OptimisationStatus to_status(const OptimisationStatus& message) {
   return status;
 }
 
-EstimatorStatePtr to_state_message(const mapping::EstimateResult& estimate, Stamp answers,
+EstimatorStatePtr to_state_message(const odometry::EstimateResult& estimate, Stamp answers,
                                    const std::string& odom_frame, const std::string& imu_frame) {
   const imu::NavState& state = estimate.state;
   auto message = boost::make_shared<EstimatorState>();

@@ -20,10 +20,10 @@
 #include "fdi_lio/common/error.hpp"
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/evaluation/trajectory_writer.hpp"
-#include "fdi_lio/mapping/adaptation.hpp"
-#include "fdi_lio/mapping/local_map.hpp"
-#include "fdi_lio/mapping/registration.hpp"
-#include "fdi_lio/mapping/smoother.hpp"
+#include "fdi_lio/matching/local_map.hpp"
+#include "fdi_lio/odometry/adaptation.hpp"
+#include "fdi_lio/odometry/registration.hpp"
+#include "fdi_lio/odometry/smoother.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
 
 namespace {
@@ -140,9 +140,9 @@ class Evaluation {
 
  private:
   void write(const fdi_lio::pipeline::ScanOutput& output, const Eigen::Isometry3d& T_map_imu) {
-    const auto adapted = fdi_lio::mapping::adapt(config_.adaptation, config_.mapping, output.degeneracy);
-    auto input = fdi_lio::mapping::make_match_input(output.features, config_.mapping, T_imu_lidar_,
-                                                    adapted.feature_voxel_m);
+    const auto adapted = fdi_lio::odometry::adapt(config_.adaptation, config_.mapping, output.degeneracy);
+    auto input = fdi_lio::matching::make_match_input(output.features, config_.mapping, T_imu_lidar_,
+                                                     adapted.feature_voxel_m);
     const Eigen::Matrix3d errors = square_errors(output.scan.stamp, input, adapted, T_map_imu);
     input.textures.clear();
     input.levels.clear();
@@ -158,8 +158,8 @@ class Evaluation {
 
   /// Mean of e e' over three starts, each beside the truth along another axis, so that it does not matter how
   /// a weak direction lies to them; e is what is left of it, in the IMU frame [m^2].
-  Eigen::Matrix3d square_errors(fdi_lio::Stamp stamp, const fdi_lio::mapping::MatchInput& input,
-                                const fdi_lio::mapping::AdaptedSettings& adapted,
+  Eigen::Matrix3d square_errors(fdi_lio::Stamp stamp, const fdi_lio::matching::MatchInput& input,
+                                const fdi_lio::odometry::AdaptedSettings& adapted,
                                 const Eigen::Isometry3d& T_map_imu) {
     const Eigen::Quaterniond q(T_map_imu.linear());
     Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
@@ -169,8 +169,8 @@ class Evaluation {
       start.imu_status = fdi_lio::imu::ImuStatus::kInitialised;
       start.q_odom_imu = q * fdi_lio::so3::exp(Eigen::Vector3d(kTurnRad * Eigen::Vector3d::Unit(axis)));
       start.t_odom_imu = T_map_imu.translation() + q * (kShiftM * Eigen::Vector3d::Unit(axis));
-      fdi_lio::mapping::Smoother smoother(1, config_.sensor.gravity_mps2, {}, 0.0);
-      fdi_lio::mapping::Smoother::InitialSigma sigma;
+      fdi_lio::odometry::Smoother smoother(1, config_.sensor.gravity_mps2, {}, 0.0);
+      fdi_lio::odometry::Smoother::InitialSigma sigma;
       sigma.theta = kTurnRad;
       sigma.position = kShiftM;
       smoother.start(start, sigma);
@@ -184,8 +184,8 @@ class Evaluation {
   fdi_lio::Config config_;
   Truth truth_;
   Eigen::Isometry3d T_imu_lidar_;
-  fdi_lio::mapping::Registration registration_;
-  fdi_lio::mapping::LocalMap map_;
+  fdi_lio::odometry::Registration registration_;
+  fdi_lio::matching::LocalMap map_;
   std::string path_;
   std::ofstream out_;
   int scans_ = 0;

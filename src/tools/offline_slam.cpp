@@ -43,8 +43,8 @@ volatile std::sig_atomic_t stop_requested = 0;
 
 void request_stop(int /*signal*/) { stop_requested = 1; }
 
-fdi_lio::mapping::InitialPose initial_pose(const fdi_lio::tools::BagOptions& options,
-                                           const fdi_lio::Config& config) {
+fdi_lio::localisation::InitialPose initial_pose(const fdi_lio::tools::BagOptions& options,
+                                                const fdi_lio::Config& config) {
   constexpr double kDegree = M_PI / 180.0;
   return {options.initial_pose[0], options.initial_pose[1], options.initial_pose[2] * kDegree,
           config.localisation.initial_sigma_translation_m,

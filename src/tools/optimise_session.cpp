@@ -7,13 +7,14 @@
 #include "fdi_lio/common/config_io.hpp"
 #include "fdi_lio/common/error.hpp"
 #include "fdi_lio/common/so3.hpp"
-#include "fdi_lio/mapping/localiser.hpp"
+#include "fdi_lio/localisation/localiser.hpp"
 #include "fdi_lio/mapping/loop_file.hpp"
 #include "fdi_lio/mapping/session_io.hpp"
 
 namespace {
 
 using fdi_lio::Error;
+namespace localisation = fdi_lio::localisation;
 namespace mapping = fdi_lio::mapping;
 
 const char* const kUsage =
@@ -103,7 +104,7 @@ void add_session(const mapping::Session& session, const Eigen::Isometry3d& T_odo
       const mapping::RelativePose& edge = session.graph.odometry[k - 1];
       T_odom_imu = T_odom_imu * drift->spoil(edge.T_from_to);
       // The edge's covariance has the random walk too, which the optimiser adds again: small beside it.
-      mapping::Matrix6d to_odom = mapping::Matrix6d::Identity();
+      fdi_lio::Matrix6d to_odom = fdi_lio::Matrix6d::Identity();
       to_odom.bottomRightCorner<3, 3>() = T_odom_imu.linear();
       keyframe.covariance = to_odom * edge.information.inverse() * to_odom.transpose();
     }
@@ -117,7 +118,7 @@ void add_session(const mapping::Session& session, const Eigen::Isometry3d& T_odo
 /// there.
 Eigen::Isometry3d find_begin(const fdi_lio::Config& config, const mapping::Session& base,
                              const mapping::Session& session, fdi_lio::Reporter* reporter) {
-  mapping::Localiser localiser(config, base, reporter);
+  localisation::Localiser localiser(config, base, reporter);
   for (std::size_t k = 0; k < session.keyframes.size(); ++k) {
     mapping::Keyframe keyframe;
     keyframe.stamp = session.keyframes[k].stamp;

@@ -26,7 +26,7 @@ SlamRun::Part::Part(const Config& settings, const std::string& output, double be
           [this](const std::string& stage, double ms) { times.add(stage, ms); }) {
   const std::string& session = config.localisation.session;
   if (!session.empty())
-    localiser = std::make_unique<mapping::Localiser>(config, mapping::load_session(session), reporter);
+    localiser = std::make_unique<localisation::Localiser>(config, mapping::load_session(session), reporter);
 }
 
 void SlamRun::Part::add(pipeline::ScanOutput output) {
@@ -60,7 +60,7 @@ void SlamRun::Part::localise(const mapping::Keyframe& scan) {
             std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
 }
 
-void SlamRun::set_initial_pose(const mapping::InitialPose& pose) {
+void SlamRun::set_initial_pose(const localisation::InitialPose& pose) {
   if (!part_->localiser) throw Error("an initial pose needs a session to localise in (--localise)");
   part_->localiser->set_initial_pose(pose);
 }

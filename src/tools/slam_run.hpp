@@ -12,9 +12,9 @@
 #include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/evaluation/stage_times.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/localisation/localiser.hpp"
 #include "fdi_lio/mapping/global_worker.hpp"
 #include "fdi_lio/mapping/keyframe.hpp"
-#include "fdi_lio/mapping/localiser.hpp"
 #include "fdi_lio/pipeline/run_directory.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
 
@@ -32,7 +32,7 @@ class SlamRun {
   SlamRun(const Config& config, const std::string& output, Reporter* reporter);
 
   /// Tells the localiser where the recording begins.
-  void set_initial_pose(const mapping::InitialPose& pose);
+  void set_initial_pose(const localisation::InitialPose& pose);
 
   void add_imu(const imu::ImuSample& sample);
 
@@ -73,9 +73,9 @@ class SlamRun {
     pipeline::RunDirectory directory;
     mapping::KeyframeMaker keyframes;  ///< used by the thread of `global`, else by that of the localiser
     mapping::GlobalWorker global;
-    std::unique_ptr<mapping::Localiser> localiser;   ///< in place of `global`
+    std::unique_ptr<localisation::Localiser> localiser;  ///< in place of `global`
     std::vector<evaluation::StampedPose> localised;  ///< T_map_imu of every scan since the place was found
-    std::vector<mapping::LocalisationResult> registrations;
+    std::vector<localisation::LocalisationResult> registrations;
     evaluation::StageTimes times;
     pipeline::SlamPipeline pipeline;
   };

@@ -3,9 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include "fdi_lio/common/pose_tangent.hpp"
 #include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/mapping/external_odometry.hpp"
-#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 namespace {

@@ -7,8 +7,8 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include "fdi_lio/common/pose_tangent.hpp"
 #include "fdi_lio/mapping/global_optimizer.hpp"
-#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 namespace {

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include "fdi_lio/common/pose_tangent.hpp"
 #include "fdi_lio/mapping/loop_decisions.hpp"
-#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 namespace {

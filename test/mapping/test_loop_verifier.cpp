@@ -5,8 +5,8 @@
 #include "synthetic_places.hpp"
 #include <gtest/gtest.h>
 
+#include "fdi_lio/common/pose_tangent.hpp"
 #include "fdi_lio/mapping/loop_verifier.hpp"
-#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 namespace {

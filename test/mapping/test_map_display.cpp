@@ -5,8 +5,8 @@
 #include "synthetic_drive.hpp"
 #include <gtest/gtest.h>
 
+#include "fdi_lio/common/pose_tangent.hpp"
 #include "fdi_lio/mapping/map_display.hpp"
-#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 namespace {

@@ -3,9 +3,9 @@
 #include "synthetic_drive.hpp"
 #include <gtest/gtest.h>
 
+#include "fdi_lio/common/pose_tangent.hpp"
 #include "fdi_lio/mapping/global_optimizer.hpp"
 #include "fdi_lio/mapping/odometry_check.hpp"
-#include "fdi_lio/mapping/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 namespace {

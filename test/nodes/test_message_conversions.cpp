@@ -146,7 +146,7 @@ TEST_F(Conversions, DegeneracyKeepsEveryBit) {
 }
 
 TEST_F(Conversions, StatusAndStateKeepEveryBit) {
-  mapping::EstimateResult estimate;
+  odometry::EstimateResult estimate;
   estimate.status.stamp = kStamp;
   randomise(&estimate.status.axes);
   randomise(&estimate.status.localizability);

@@ -6,8 +6,9 @@
 
 #include "fdi_lio/common/parameter_visitor.hpp"
 #include "fdi_lio/degeneracy/degeneracy_config.hpp"
-#include "fdi_lio/mapping/adaptation_config.hpp"
+#include "fdi_lio/localisation/localisation_config.hpp"
 #include "fdi_lio/mapping/global_config.hpp"
+#include "fdi_lio/odometry/adaptation_config.hpp"
 #include "fdi_lio/scan/scan_config.hpp"
 
 namespace fdi_lio {
@@ -193,11 +194,11 @@ struct Config {
   FeatureConfig features;
   MappingConfig mapping;
   degeneracy::DegeneracyConfig degeneracy;
-  mapping::AdaptationConfig adaptation;
+  odometry::AdaptationConfig adaptation;
   mapping::LoopConfig loop;
   mapping::GnssConfig gnss;
   mapping::ExternalOdometryConfig external_odometry;
-  mapping::LocalisationConfig localisation;
+  localisation::LocalisationConfig localisation;
   NodeConfig nodes;
   CheckConfig check;
   int threads = 2;

@@ -4,12 +4,12 @@
 
 #include <Eigen/Geometry>
 
+#include "fdi_lio/common/pose_tangent.hpp"
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/common/time.hpp"
-#include "fdi_lio/mapping/estimate_result.hpp"
 #include "fdi_lio/mapping/keyframe_store.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
-#include "fdi_lio/mapping/pose_tangent.hpp"
+#include "fdi_lio/odometry/estimate_result.hpp"
 #include "fdi_lio/scan/range_image.hpp"
 
 namespace fdi_lio::mapping {
@@ -38,7 +38,7 @@ class KeyframeMaker {
       : T_imu_lidar_(T_imu_lidar), surface_(voxel_m) {}
 
   /// The keyframe of a scan with its estimate. Points and features are moved from the lidar to the IMU frame.
-  Keyframe make(const EstimateResult& estimate, DeskewedScan scan, const FeatureSet& features);
+  Keyframe make(const odometry::EstimateResult& estimate, DeskewedScan scan, const FeatureSet& features);
 
  private:
   Eigen::Isometry3d T_imu_lidar_;

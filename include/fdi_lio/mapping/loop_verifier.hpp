@@ -9,7 +9,7 @@
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/mapping/keyframe_store.hpp"
 #include "fdi_lio/mapping/loop_types.hpp"
-#include "fdi_lio/mapping/scan_matcher.hpp"
+#include "fdi_lio/matching/scan_matcher.hpp"
 
 namespace fdi_lio::mapping {
 
@@ -55,9 +55,9 @@ class LoopVerifier {
   LoopVerdict judge(const LoopCandidate& candidate) const;
 
   LoopConfig config_;
-  VoxelMapConfig plane_map_config_;
-  VoxelMapConfig edge_map_config_;
-  ScanMatcher matcher_;
+  matching::VoxelMapConfig plane_map_config_;
+  matching::VoxelMapConfig edge_map_config_;
+  matching::ScanMatcher matcher_;
 };
 
 }  // namespace fdi_lio::mapping

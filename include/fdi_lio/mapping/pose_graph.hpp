@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "fdi_lio/mapping/scan_matcher.hpp"
+#include "fdi_lio/common/pose_tangent.hpp"
 
 namespace fdi_lio::mapping {
 

@@ -10,8 +10,8 @@
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/evaluation/stage_times.hpp"
 #include "fdi_lio/evaluation/trajectory_writer.hpp"
+#include "fdi_lio/localisation/localiser.hpp"
 #include "fdi_lio/mapping/global_optimizer.hpp"
-#include "fdi_lio/mapping/localiser.hpp"
 #include "fdi_lio/pipeline/slam_pipeline.hpp"
 
 namespace fdi_lio::pipeline {
@@ -37,7 +37,7 @@ class RunDirectory {
   /// In place of `write_global` when there was a session to localise in: trajectory.tum anew with `poses`,
   /// which are in the session's map, and localisation.csv with every registration.
   void write_localisation(const std::vector<evaluation::StampedPose>& poses,
-                          const std::vector<mapping::LocalisationResult>& registrations) const;
+                          const std::vector<localisation::LocalisationResult>& registrations) const;
 
   /// timing.json: `wall_s` and `bag_s` are the seconds that passed and the seconds of data.
   void write_timing(const evaluation::StageTimes& times, double wall_s, double bag_s) const;
@@ -51,8 +51,8 @@ class RunDirectory {
  private:
   void revise(const std::vector<imu::NavState>& states);
   void write_degeneracy(const ScanOutput& output);
-  void write_covariance(const mapping::EstimateResult& estimate);
-  void write_directions(const mapping::EstimateResult& estimate);
+  void write_covariance(const odometry::EstimateResult& estimate);
+  void write_directions(const odometry::EstimateResult& estimate);
   void write_trajectory(const std::string& name, const std::vector<evaluation::StampedPose>& poses) const;
   void write_fixes(const mapping::GlobalOptimizer& global) const;
   void write_georeference(const mapping::GlobalOptimizer& global,

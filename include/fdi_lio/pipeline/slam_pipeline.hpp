@@ -13,7 +13,7 @@
 #include "fdi_lio/common/stage_timer.hpp"
 #include "fdi_lio/degeneracy/degeneracy_types.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
-#include "fdi_lio/mapping/estimator.hpp"
+#include "fdi_lio/odometry/estimator.hpp"
 
 namespace fdi_lio::pipeline {
 
@@ -22,7 +22,7 @@ struct ScanOutput {
   DeskewedScan scan;
   FeatureSet features;
   degeneracy::Degeneracy degeneracy;
-  mapping::EstimateResult estimate;
+  odometry::EstimateResult estimate;
 };
 
 /// All five stages in one process, in the order in which the nodes work: what `offline_slam` runs.

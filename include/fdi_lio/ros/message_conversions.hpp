@@ -6,7 +6,7 @@
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
-#include "fdi_lio/mapping/estimate_result.hpp"
+#include "fdi_lio/odometry/estimate_result.hpp"
 #include <fdi_lio/Degeneracy.h>
 #include <fdi_lio/DeskewedCloud.h>
 #include <fdi_lio/EstimatorState.h>
@@ -35,12 +35,12 @@ FeatureSet to_features(const Features& message);
 DegeneracyPtr to_message(const degeneracy::Degeneracy& degeneracy, const std::string& imu_frame);
 degeneracy::Degeneracy to_degeneracy(const Degeneracy& message);
 
-OptimisationStatusPtr to_status_message(const mapping::EstimateResult& estimate,
+OptimisationStatusPtr to_status_message(const odometry::EstimateResult& estimate,
                                         const std::string& imu_frame);
 degeneracy::OptimisationStatus to_status(const OptimisationStatus& message);
 
 /// `answers` is the stamp of the scan that led to this state.
-EstimatorStatePtr to_state_message(const mapping::EstimateResult& estimate, Stamp answers,
+EstimatorStatePtr to_state_message(const odometry::EstimateResult& estimate, Stamp answers,
                                    const std::string& odom_frame, const std::string& imu_frame);
 imu::NavState to_state(const EstimatorState& message);
 

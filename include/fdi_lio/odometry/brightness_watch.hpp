@@ -1,0 +1,53 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/odometry/bright_scan.hpp"
+
+namespace fdi_lio::odometry {
+
+/// Watches over the velocity where neither surfaces nor textures hold it, as of 16 beams on an open road. The
+/// smoother does not know: it takes the map as given, which its own scans made, so that chance confirms what
+/// it predicts, and its covariance stays small however far the velocity drifts off.
+///
+/// What velocity and acceleration may be off by along the way is kept here, as the covariance P of [dv, da]:
+/// da is a random walk, dv its integral, and surfaces and textures hold dv as far as they are more than
+/// noise. While dv is doubtful, the brightness of each 16 scans is asked for it
+/// (`find_brightness_offset`), and the answer corrects both with the gains of a Kalman filter.
+class BrightnessWatch {
+ public:
+  explicit BrightnessWatch(const Eigen::Isometry3d& T_imu_lidar) : R_imu_lidar_(T_imu_lidar.linear()) {}
+
+  struct Correction {
+    Eigen::Vector3d velocity;      ///< to be added, odom axes [m/s]
+    Eigen::Vector3d acceleration;  ///< to be added to gravity, odom axes [m/s^2]
+  };
+
+  /// A scan, deskewed with `v_deskew` (odom axes), what was estimated for it, and what can be trusted of what
+  /// tells its position (odom axes, [1/m^2]). Returns a correction after 16 scans with a doubtful velocity.
+  std::optional<Correction> add(const FeatureSet& features, const Eigen::Vector3d& v_deskew,
+                                const imu::NavState& state, const Eigen::Matrix3d& trusted_information);
+
+  /// The estimate begins anew, with what is known (standard deviations) of its velocity [m/s] and of what is
+  /// taken for gravity [m/s^2]; at least 0.05 and 0.1 are assumed.
+  void reset(double velocity_sigma, double gravity_sigma);
+
+ private:
+  void advance(const imu::NavState& state, const Eigen::Matrix3d& trusted_information);
+  Correction ask();
+  void forget_scans();
+
+  Eigen::Matrix3d R_imu_lidar_;
+  Eigen::Matrix2d covariance_ = Eigen::Matrix2d::Zero();  ///< P
+  std::optional<Stamp> newest_;
+  std::vector<BrightScan> scans_;
+  std::vector<imu::NavState> states_;  ///< of `scans_`
+};
+
+}  // namespace fdi_lio::odometry

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+
+#include <Eigen/Geometry>
+
+#include "fdi_lio/common/pose_tangent.hpp"
+#include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+
+namespace fdi_lio::odometry {
+
+/// Notices when the estimate has gone wrong, and names the likely cause.
+///
+/// - **Unmatched**: a scan with fewer than 30 matches, or with matches for less than a tenth of its features,
+///   says nothing of the pose: the sensor may have left the local map in a gap without scans, or the pose has
+///   run away. Where few beams see open ground, the map of the first scans knows hardly anything of any scan,
+///   so that 0.4 of the usual share is enough there. What becomes of the map is up to MapCandidate; 50 such
+///   scans in a row are reported as lost.
+/// - **Contradiction**: the pose that the IMU predicts and the one that the scan gives are farther apart than
+///   both say, again and again: e' (P + R)^-1 e, with e the correction, P the covariance of the prediction
+///   and R that of scans that do not quite fit the map (1 mrad, 1 cm: beams, edges, the map's own errors),
+///   is above 0.5 on the average over 50 scans. P is cautious, so that it stays below 0.2 while all is well.
+/// - **Implausible biases**: no sensor in use has them, so something else hides in them.
+class HealthMonitor {
+ public:
+  explicit HealthMonitor(Reporter* reporter) : reporter_(reporter) {}
+
+  /// How many of a scan's features must find matches, so that these can correct its pose.
+  std::size_t least_matches(std::size_t features) const;
+
+  /// A scan was not matched: its pose is a prediction.
+  void add_unmatched();
+
+  /// Pose of the IMU in odom predicted by it for a scan, and its covariance, order [dtheta (body), dt
+  /// (odom)].
+  struct Prediction {
+    Eigen::Isometry3d T_odom_imu = Eigen::Isometry3d::Identity();
+    Matrix6d covariance = Matrix6d::Identity();
+    bool is_shaken = false;  ///< vibration drowns the readings: what they contradict says nothing
+  };
+
+  /// Takes what became of a matched scan, with the share of its features that found matches; no `prediction`
+  /// where the IMU gave none.
+  void add(const std::optional<Prediction>& prediction, const imu::NavState& state, double matched_share);
+
+  /// The local map was begun anew.
+  void restart();
+
+ private:
+  void check_innovation(const Prediction& prediction, const imu::NavState& state);
+  void check_biases(const imu::NavState& state);
+
+  Reporter* reporter_;
+  int unmatched_ = 0;                  ///< in a row
+  std::optional<double> usual_share_;  ///< of the features that the map knows
+  int innovations_ = 0;                ///< since the map was begun
+  double mean_innovation_sq_ = 0.0;
+};
+
+}  // namespace fdi_lio::odometry

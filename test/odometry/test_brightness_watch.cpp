@@ -1,0 +1,117 @@
+#include <algorithm>
+#include <cmath>
+
+#include "synthetic_road.hpp"
+#include <gtest/gtest.h>
+
+#include "fdi_lio/odometry/brightness_watch.hpp"
+
+namespace fdi_lio::odometry {
+namespace {
+
+/// Held across the road and upwards, open along it.
+Eigen::Matrix3d information_along(double information) {
+  return Eigen::Vector3d(information, 1e5, 1e6).asDiagonal();
+}
+
+/// An estimate that drives along the road: it takes the acceleration for `error_mps2` more than it is, and
+/// does what the watch says.
+class Drive {
+ public:
+  Drive(double speed_mps, double error_mps2, double information)
+      : speed_(speed_mps), error_mps2_(error_mps2), information_(information) {
+    state_.v_odom.x() = speed_mps;
+    watch_.reset(0.0, 0.0);
+  }
+
+  void go_on(int scans) {
+    for (int k = 0; k < scans; ++k, ++number_) {
+      const double time_s = SyntheticRoad::kPeriod_s * number_;
+      const FeatureSet features = road_.scan(time_s, speed_, 0.0, static_cast<unsigned>(number_));
+      state_.stamp = features.stamp;
+      const auto correction =
+          watch_.add(features, Eigen::Vector3d::Zero(), state_, information_along(information_));
+      if (correction) {
+        ++corrections_;
+        state_.v_odom += correction->velocity;
+        error_mps2_ += correction->acceleration.x();
+        across_ = std::max(across_, correction->velocity.tail<2>().norm());
+      }
+      state_.t_odom_imu += SyntheticRoad::kPeriod_s * state_.v_odom;
+      state_.v_odom.x() += SyntheticRoad::kPeriod_s * error_mps2_;
+    }
+  }
+
+  int corrections() const { return corrections_; }
+  double error_mps() const { return state_.v_odom.x() - speed_; }
+  double error_mps2() const { return error_mps2_; }
+  double across_mps() const { return across_; }
+
+  BrightnessWatch watch_ = BrightnessWatch(Eigen::Isometry3d::Identity());
+  SyntheticRoad road_;
+  imu::NavState state_;
+
+ private:
+  double speed_;
+  double error_mps2_;
+  double information_;
+  int number_ = 0;
+  int corrections_ = 0;
+  double across_ = 0.0;
+};
+
+/// By itself the velocity would be off by 4 m/s in the end.
+TEST(BrightnessWatch, HoldsAVelocityThatNothingElseHolds) {
+  Drive drive(20.0, 0.1, 0.0);
+  drive.go_on(100);
+  for (int part = 0; part < 10; ++part) {
+    drive.go_on(30);
+    EXPECT_LT(std::abs(drive.error_mps()), 0.4) << "after " << 10 + 3 * (part + 1) << " s";
+  }
+  EXPECT_LT(std::abs(drive.error_mps2()), 0.06);
+  EXPECT_LT(drive.across_mps(), 1e-9);
+}
+
+/// Where little is painted a doubtful velocity is corrected by parts, but at once when it is off by more than
+/// was thought possible.
+TEST(BrightnessWatch, BelievesThatItWasWrong) {
+  for (const double error : {0.2, 2.0}) {
+    Drive drive(20.0, 0.0, 0.0);
+    drive.road_.roughness = 0.08;
+    drive.state_.v_odom.x() += error;
+    while (drive.corrections() == 0) drive.go_on(1);
+    const double left = std::abs(drive.error_mps()) / error;
+    EXPECT_EQ(left<0.15, error> 1.0) << left;
+  }
+}
+
+TEST(BrightnessWatch, LeavesAloneWhatSurfacesHold) {
+  Drive drive(20.0, 0.0, 1000.0);
+  drive.go_on(100);
+  EXPECT_EQ(drive.corrections(), 0);
+}
+
+/// What travels with the sensor would speak for rest.
+TEST(BrightnessWatch, LeavesASlowSensorAlone) {
+  Drive drive(5.0, 0.0, 0.0);
+  drive.go_on(60);
+  EXPECT_EQ(drive.corrections(), 0);
+}
+
+/// A second at most passes before a velocity is doubtful, and 16 scans until the answer.
+TEST(BrightnessWatch, BeginsAnew) {
+  Drive drive(20.0, 0.0, 0.0);
+  drive.go_on(20);
+  EXPECT_EQ(drive.corrections(), 0);
+  drive.watch_.reset(0.0, 0.0);
+  drive.go_on(20);
+  EXPECT_EQ(drive.corrections(), 0);
+  drive.go_on(10);
+  EXPECT_EQ(drive.corrections(), 1);
+  drive.watch_.reset(0.3, 0.15);
+  drive.go_on(16);
+  EXPECT_EQ(drive.corrections(), 2);
+}
+
+}  // namespace
+}  // namespace fdi_lio::odometry

@@ -1,0 +1,190 @@
+#include <cmath>
+#include <optional>
+#include <random>
+#include <vector>
+
+#include "synthetic_road.hpp"
+#include <gtest/gtest.h>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/imu/preintegration.hpp"
+#include "fdi_lio/odometry/estimator.hpp"
+#include "fdi_lio/odometry/imu_start.hpp"
+#include "fdi_lio/odometry/scan_estimator.hpp"
+
+namespace fdi_lio::odometry {
+namespace {
+
+constexpr double kPeriod_s = 0.1;
+
+/// A street whose fronts across the way all stand ahead to the left, where the sweep begins.
+class Street {
+ public:
+  /// What is seen of the sweep that ends at `end_s` and at x = `here_m`, deskewed with `v_deskew` along x.
+  FeatureSet scan(double end_s, double here_m, double speed_mps, double v_deskew_mps, unsigned seed) const {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> uniform(0.0, 1.0);
+    std::normal_distribution<double> noise(0.0, 0.01);
+    FeatureSet features;
+    features.stamp = static_cast<Stamp>(std::llround(1e9 * end_s));
+    const auto add = [&](const Eigen::Vector3d& place) {
+      // The sweep begins ahead and goes round to the left.
+      const Eigen::Vector3d from_end(place.x() - here_m, place.y(), place.z());
+      double azimuth = std::atan2(from_end.y(), from_end.x());
+      if (azimuth < 0.0) azimuth += 2.0 * M_PI;
+      Point point;
+      point.time_s = static_cast<float>(kPeriod_s * (azimuth / (2.0 * M_PI) - 1.0));
+      const Eigen::Vector3d error(noise(random), noise(random), noise(random));
+      Eigen::Vector3d seen = from_end + error;
+      seen.x() += (v_deskew_mps - speed_mps) * point.time_s;
+      point.position = seen.cast<float>();
+      features.planes.push_back(point);
+    };
+    for (int k = 0; k < 1200; ++k) {
+      add({here_m - 20.0 + 40.0 * uniform(random), -5.0 + 13.0 * uniform(random), -1.7});
+      add({here_m - 20.0 + 40.0 * uniform(random), -5.0, -1.7 + 4.0 * uniform(random)});
+    }
+    for (const double front : kFronts) {
+      if (front < here_m + 8.0 || front > here_m + 25.0) continue;
+      for (int k = 0; k < 120; ++k) add({front, 3.0 + 4.0 * uniform(random), -1.7 + 4.0 * uniform(random)});
+    }
+    return features;
+  }
+
+ private:
+  static constexpr double kFronts[] = {9.3, 13.1, 16.4, 21.2, 24.0, 28.7, 32.9, 35.2};
+};
+
+/// Without an IMU the velocity of one scan deskews the next. The first two were not deskewed.
+TEST(ScanEstimator, TheVelocityIsTheTrueOneFromTheSecondScanOn) {
+  constexpr double kSpeed = 3.0;
+  Reporter reporter;
+  Estimator estimator(Config(), &reporter);
+  for (int k = 0; k < 40; ++k) {
+    const std::optional<imu::NavState> before = estimator.state();
+    const double v_deskew = before ? before->v_odom.x() : 0.0;
+    const FeatureSet features =
+        Street().scan(kPeriod_s * k, kPeriod_s * k * kSpeed, kSpeed, v_deskew, static_cast<unsigned>(k + 1));
+    const auto result = estimator.add(features, degeneracy::Degeneracy(), std::nullopt);
+    ASSERT_TRUE(result);
+    if (k > 0) {
+      EXPECT_NEAR(result->state.v_odom.x(), kSpeed, k < 30 ? 0.6 : 0.2) << k;
+    }
+  }
+}
+
+/// Readings of the interval before `time_s` that are always the same.
+imu::Preintegration steady_imu(double time_s, const Eigen::Vector3d& felt) {
+  std::vector<imu::ImuSample> samples;
+  for (int n = -20; n <= 0; ++n) {
+    samples.push_back({to_nanoseconds(time_s + 0.05 * kPeriod_s * n), felt, Eigen::Vector3d::Zero()});
+  }
+  imu::Preintegration imu =
+      imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
+                        Eigen::Vector3d::Zero(), imu::ImuNoise(), ImuConfig());
+  imu.recent.count = 200;
+  imu.recent.duration_s = 1.0;
+  imu.recent.mean_acceleration = felt;
+  imu.recent.acceleration_std = 1.0;
+  return imu;
+}
+
+/// A drive along the street that begins at 3 m/s, scan by scan, with an accelerometer that always feels the
+/// same.
+class Drive {
+ public:
+  Drive(double gained_mps2, const Eigen::Vector3d& felt) : gained_mps2_(gained_mps2), felt_(felt) {}
+
+  double speed_at(double time_s) const { return 3.0 + gained_mps2_ * time_s; }
+
+  std::optional<EstimateResult> add_scan(int k, Estimator* estimator) const {
+    const double time_s = kPeriod_s * k;
+    const double here_m = (3.0 + 0.5 * gained_mps2_ * time_s) * time_s;
+    const imu::Preintegration imu = steady_imu(time_s, felt_);
+    const std::optional<imu::NavState> before = estimator->state();
+    const double v_deskew = before ? before->v_odom.norm() : 0.0;
+    const FeatureSet features =
+        Street().scan(time_s, here_m, speed_at(time_s), v_deskew, static_cast<unsigned>(k + 1));
+    return estimator->add(features, degeneracy::Degeneracy(), imu);
+  }
+
+ private:
+  double gained_mps2_;
+  Eigen::Vector3d felt_;
+};
+
+/// What is felt of gathering speed looks like a slope until scans and IMU are aligned.
+TEST(Estimator, AnAlignmentInMotionEstimatesAllScansAnew) {
+  constexpr double kGained = 1.0;
+  const Config config;
+  const Drive drive(kGained, Eigen::Vector3d(kGained, 0.0, config.sensor.gravity_mps2));
+  Reporter reporter;
+  Estimator estimator(config, &reporter);
+  for (int k = 0; k <= config.imu.moving_init_scans; ++k) {
+    const auto result = drive.add_scan(k, &estimator);
+    ASSERT_TRUE(result);
+    EXPECT_FALSE(result->is_keyframe);
+    ASSERT_EQ(result->revised.size(), k < config.imu.moving_init_scans ? 0U : static_cast<std::size_t>(k));
+    for (std::size_t n = 0; n < result->revised.size(); ++n) {
+      const imu::NavState& state = result->revised[n];
+      EXPECT_EQ(state.imu_status, imu::ImuStatus::kInitialised);
+      EXPECT_NEAR(state.v_odom.norm(), drive.speed_at(kPeriod_s * static_cast<double>(n)), 0.1) << n;
+      const Eigen::Vector3d g_imu = state.q_odom_imu.conjugate() * state.g_odom;
+      EXPECT_LT((g_imu - Eigen::Vector3d(0.0, 0.0, -config.sensor.gravity_mps2)).norm(), 0.3) << n;
+    }
+  }
+}
+
+/// Gravity that lies across the ground by 8 degrees is not believed of what came before.
+TEST(Estimator, AnAlignmentThatTheGroundContradictsEstimatesNothingAnew) {
+  const Config config;
+  const double tilt = 8.0 * M_PI / 180.0;
+  const Drive drive(0.0, config.sensor.gravity_mps2 * Eigen::Vector3d(0.0, std::sin(tilt), std::cos(tilt)));
+  Reporter reporter;
+  Estimator estimator(config, &reporter);
+  const int last = static_cast<int>(ImuStart::most_intervals(config.imu));
+  for (int k = 0; k <= last; ++k) {
+    const auto result = drive.add_scan(k, &estimator);
+    ASSERT_TRUE(result);
+    EXPECT_TRUE(result->revised.empty()) << k;
+    EXPECT_EQ(result->state.imu_status,
+              k < last ? imu::ImuStatus::kInitialising : imu::ImuStatus::kInitialised)
+        << k;
+  }
+}
+
+/// What is left of a velocity that was wrong by 1 m/s at the start, after ten seconds on a bare road.
+double velocity_error(bool watch_velocity) {
+  constexpr double kSpeed = 20.0;
+  Config config;
+  config.mapping.watch_velocity = watch_velocity;
+  Reporter reporter;
+  ScanEstimator estimator(config, &reporter, StageTimer());
+  MovingStart start;
+  start.v_odom.x() = kSpeed - 1.0;
+  start.sigma.velocity = 0.3;
+  start.sigma.gravity = 0.15;
+  estimator.begin_moving(start);
+  SyntheticRoad road;
+  road.with_traffic = false;
+  for (int k = 0; k < 100; ++k) {
+    EstimatorInput input;
+    if (const auto before = estimator.state()) input.v_deskew = before->v_odom;
+    input.features = road.scan(kPeriod_s * k, kSpeed, 0.0, static_cast<unsigned>(k));
+    for (Point& point : input.features.planes)
+      point.position += (static_cast<double>(point.time_s) * input.v_deskew).cast<float>();
+    input.imu = steady_imu(kPeriod_s * k, Eigen::Vector3d(0.0, 0.0, config.sensor.gravity_mps2));
+    EXPECT_TRUE(estimator.add(std::move(input), false));
+  }
+  EXPECT_EQ(reporter.has("brightness_velocity"), watch_velocity);
+  return estimator.state()->v_odom.x() - kSpeed;
+}
+
+/// A flat road looks the same to surfaces, however fast one drives on it.
+TEST(ScanEstimator, OnABareRoadTheBrightnessTellsTheVelocity) {
+  EXPECT_LT(std::abs(velocity_error(true)), 0.3);
+  EXPECT_GT(std::abs(velocity_error(false)), 0.8);
+}
+
+}  // namespace
+}  // namespace fdi_lio::odometry
