@@ -45,9 +45,20 @@ void BrightnessWatch::forget_scans() {
 void BrightnessWatch::reset(double velocity_sigma, double gravity_sigma) {
   const double velocity = std::max(velocity_sigma, kFirstVelocity);
   const double acceleration = std::max(gravity_sigma, kAcceleration);
-  covariance_ = Eigen::Vector2d(velocity * velocity, acceleration * acceleration).asDiagonal();
+  covariance_ = Eigen::Vector3d(0.0, velocity * velocity, acceleration * acceleration).asDiagonal();
   newest_.reset();
   forget_scans();
+}
+
+/// What measures dv with this variance takes from P, where dp stays uncorrected. Returns the gains for dv
+/// and da.
+Eigen::Vector2d BrightnessWatch::measure(double variance) {
+  const Eigen::Vector2d gain = covariance_.col(1).tail<2>() / (covariance_(1, 1) + variance);
+  Eigen::Matrix3d left = Eigen::Matrix3d::Identity();
+  left.col(1).tail<2>() -= gain;
+  covariance_ = left * covariance_ * left.transpose();
+  covariance_.bottomRightCorner<2, 2>() += variance * gain * gain.transpose();
+  return gain;
 }
 
 /// Positions with the information I a scan, spread over T, tell the velocity with the sum of I times T^2
@@ -55,17 +66,17 @@ void BrightnessWatch::reset(double velocity_sigma, double gravity_sigma) {
 void BrightnessWatch::advance(const imu::NavState& state, const Eigen::Matrix3d& trusted_information) {
   if (newest_) {
     const double dt = seconds_between(*newest_, state.stamp);
-    Eigen::Matrix2d F = Eigen::Matrix2d::Identity();
-    F(0, 1) = dt;
+    const double before = covariance_(0, 0);
+    Eigen::Matrix3d F = Eigen::Matrix3d::Identity();
+    F(0, 1) = F(1, 2) = dt;
     covariance_ = F * covariance_ * F.transpose();
-    covariance_(1, 1) += kAccelerationWalk * kAccelerationWalk * dt;
+    covariance_(2, 2) += kAccelerationWalk * kAccelerationWalk * dt;
+    position_covariance_ += (covariance_(0, 0) - before) * ahead_ * ahead_.transpose();
   }
   newest_ = state.stamp;
   if (state.v_odom.isZero(0.0)) return;
-  const double information =
-      information_along(state.v_odom.normalized(), trusted_information) * kMemory * kMemory / 12.0;
-  const Eigen::Vector2d column = covariance_.col(0);
-  covariance_ -= column * column.transpose() * information / (1.0 + information * column(0));
+  ahead_ = state.v_odom.normalized();
+  measure(12.0 / (information_along(ahead_, trusted_information) * kMemory * kMemory));
 }
 
 BrightnessWatch::Correction BrightnessWatch::ask() {
@@ -78,11 +89,12 @@ BrightnessWatch::Correction BrightnessWatch::ask() {
   const Eigen::Vector3d ahead = first.v_odom.normalized();
   const BrightnessOffset offset = find_brightness_offset(scans_, first.v_odom, ahead);
   const double square = offset.mean_mps * offset.mean_mps;
-  if (square > kRefuting * (covariance_(0, 0) + offset.variance))
-    covariance_ *= (square - offset.variance) / covariance_(0, 0);
-  const Eigen::Vector2d column = covariance_.col(0);
-  const Eigen::Vector2d gain = column / (column(0) + offset.variance);
-  covariance_ -= gain * column.transpose();
+  if (square > kRefuting * (covariance_(1, 1) + offset.variance)) {
+    const double factor = (square - offset.variance) / covariance_(1, 1);
+    position_covariance_ += (factor - 1.0) * covariance_(0, 0) * ahead * ahead.transpose();
+    covariance_ *= factor;
+  }
+  const Eigen::Vector2d gain = measure(offset.variance);
   return {gain(0) * offset.mean_mps * ahead, gain(1) * offset.mean_mps * ahead};
 }
 
@@ -91,7 +103,7 @@ std::optional<BrightnessWatch::Correction> BrightnessWatch::add(const FeatureSet
                                                                 const imu::NavState& state,
                                                                 const Eigen::Matrix3d& trusted_information) {
   advance(state, trusted_information);
-  if (covariance_(0, 0) < kDoubtfulVelocity * kDoubtfulVelocity || state.v_odom.norm() < kLeastSpeed) {
+  if (covariance_(1, 1) < kDoubtfulVelocity * kDoubtfulVelocity || state.v_odom.norm() < kLeastSpeed) {
     forget_scans();
     return std::nullopt;
   }

@@ -395,7 +395,8 @@ void ScanEstimator::state_uncertainty(const Matrix15d& covariance, EstimateResul
                        mounting_covariance(T_odom_first_, result->state.T_odom_imu(),
                                            config_.sensor.mounting_sigma_deg * M_PI / 180.0) +
                        tilt_.error() * tilt_.error().transpose();
-  result->velocity_covariance = covariance.block<3, 3>(6, 6);
+  result->covariance.bottomRightCorner<3, 3>() += brightness_.position_covariance();
+  result->velocity_covariance = covariance.block<3, 3>(6, 6) + brightness_.velocity_covariance();
 }
 
 /// A scan that matched nothing may be the first of a map to come. Returns whether that map has been begun.

@@ -37,6 +37,7 @@ class Drive {
         error_mps2_ += correction->acceleration.x();
         across_ = std::max(across_, correction->velocity.tail<2>().norm());
       }
+      error_m_ += SyntheticRoad::kPeriod_s * (state_.v_odom.x() - speed_);
       state_.t_odom_imu += SyntheticRoad::kPeriod_s * state_.v_odom;
       state_.v_odom.x() += SyntheticRoad::kPeriod_s * error_mps2_;
     }
@@ -46,6 +47,9 @@ class Drive {
   double error_mps() const { return state_.v_odom.x() - speed_; }
   double error_mps2() const { return error_mps2_; }
   double across_mps() const { return across_; }
+  double error_m() const { return error_m_; }
+  double stated_m() const { return std::sqrt(watch_.position_covariance()(0, 0)); }
+  double stated_mps() const { return std::sqrt(watch_.velocity_covariance()(0, 0)); }
 
   BrightnessWatch watch_ = BrightnessWatch(Eigen::Isometry3d::Identity());
   SyntheticRoad road_;
@@ -58,6 +62,7 @@ class Drive {
   int number_ = 0;
   int corrections_ = 0;
   double across_ = 0.0;
+  double error_m_ = 0.0;
 };
 
 /// By itself the velocity would be off by 4 m/s in the end.
@@ -67,7 +72,11 @@ TEST(BrightnessWatch, HoldsAVelocityThatNothingElseHolds) {
   for (int part = 0; part < 10; ++part) {
     drive.go_on(30);
     EXPECT_LT(std::abs(drive.error_mps()), 0.4) << "after " << 10 + 3 * (part + 1) << " s";
+    EXPECT_LT(std::abs(drive.error_mps()), 3.0 * drive.stated_mps());
+    EXPECT_LT(std::abs(drive.error_m()), 3.0 * drive.stated_m());
   }
+  EXPECT_LT(drive.stated_mps(), 0.5);
+  EXPECT_LT(drive.stated_m(), 20.0);  // of 800 m; with the acceleration for itself 80 m
   EXPECT_LT(std::abs(drive.error_mps2()), 0.06);
   EXPECT_LT(drive.across_mps(), 1e-9);
 }
@@ -82,6 +91,7 @@ TEST(BrightnessWatch, BelievesThatItWasWrong) {
     while (drive.corrections() == 0) drive.go_on(1);
     const double left = std::abs(drive.error_mps()) / error;
     EXPECT_EQ(left<0.15, error> 1.0) << left;
+    EXPECT_LT(std::abs(drive.error_m()), 2.0 * drive.stated_m());
   }
 }
 
@@ -89,6 +99,21 @@ TEST(BrightnessWatch, LeavesAloneWhatSurfacesHold) {
   Drive drive(20.0, 0.0, 1000.0);
   drive.go_on(100);
   EXPECT_EQ(drive.corrections(), 0);
+  EXPECT_LT(drive.stated_mps(), 0.05);
+  EXPECT_LT(drive.stated_m(), 0.1);
+}
+
+/// Unless something holds it: the variances of the integrals of v, a and the walk of a.
+TEST(BrightnessWatch, StatesWhatVelocityAndPositionMayBeOffBy) {
+  Drive drive(5.0, 0.0, 0.0);
+  drive.go_on(31);
+  const double T = 3.0;
+  const double velocity = 0.05 * 0.05 + 0.1 * 0.1 * T * T + 0.03 * 0.03 * T * T * T / 3.0;
+  const double position =
+      0.05 * 0.05 * T * T + 0.1 * 0.1 * std::pow(T, 4) / 4.0 + 0.03 * 0.03 * std::pow(T, 5) / 20.0;
+  EXPECT_NEAR(drive.stated_mps(), std::sqrt(velocity), 0.05 * std::sqrt(velocity));
+  EXPECT_NEAR(drive.stated_m(), std::sqrt(position), 0.05 * std::sqrt(position));
+  EXPECT_NEAR(drive.watch_.position_covariance()(1, 1), 0.0, 1e-12);
 }
 
 /// What travels with the sensor would speak for rest.

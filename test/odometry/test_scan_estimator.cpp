@@ -153,11 +153,22 @@ TEST(Estimator, AnAlignmentThatTheGroundContradictsEstimatesNothingAnew) {
   }
 }
 
-/// What is left of a velocity that was wrong by 1 m/s at the start, after ten seconds on a bare road.
-double velocity_error(bool watch_velocity) {
+struct Along {
+  double error;
+  double variance;  ///< stated
+};
+
+struct Outcome {
+  Along velocity;
+  Along position;
+};
+
+/// After ten seconds on a bare road with a velocity that was wrong by 1 m/s at the start.
+Outcome drive_on_a_bare_road(bool watch_velocity) {
   constexpr double kSpeed = 20.0;
   Config config;
   config.mapping.watch_velocity = watch_velocity;
+  config.mapping.covariance_factor = 0.01;  // leaves of the position's what the watch knows
   Reporter reporter;
   ScanEstimator estimator(config, &reporter, StageTimer());
   MovingStart start;
@@ -167,6 +178,7 @@ double velocity_error(bool watch_velocity) {
   estimator.begin_moving(start);
   SyntheticRoad road;
   road.with_traffic = false;
+  Outcome outcome{};
   for (int k = 0; k < 100; ++k) {
     EstimatorInput input;
     if (const auto before = estimator.state()) input.v_deskew = before->v_odom;
@@ -174,16 +186,27 @@ double velocity_error(bool watch_velocity) {
     for (Point& point : input.features.planes)
       point.position += (static_cast<double>(point.time_s) * input.v_deskew).cast<float>();
     input.imu = steady_imu(kPeriod_s * k, Eigen::Vector3d(0.0, 0.0, config.sensor.gravity_mps2));
-    EXPECT_TRUE(estimator.add(std::move(input), false));
+    const auto result = estimator.add(std::move(input), false);
+    EXPECT_TRUE(result);
+    if (!result) continue;
+    outcome.velocity = {std::abs(result->state.v_odom.x() - kSpeed), result->velocity_covariance(0, 0)};
+    outcome.position = {std::abs(result->state.t_odom_imu.x() - kSpeed * kPeriod_s * k),
+                        result->covariance(3, 3)};
   }
   EXPECT_EQ(reporter.has("brightness_velocity"), watch_velocity);
-  return estimator.state()->v_odom.x() - kSpeed;
+  return outcome;
 }
 
 /// A flat road looks the same to surfaces, however fast one drives on it.
 TEST(ScanEstimator, OnABareRoadTheBrightnessTellsTheVelocity) {
-  EXPECT_LT(std::abs(velocity_error(true)), 0.3);
-  EXPECT_GT(std::abs(velocity_error(false)), 0.8);
+  const Outcome watched = drive_on_a_bare_road(true);
+  const Outcome unwatched = drive_on_a_bare_road(false);
+  EXPECT_LT(watched.velocity.error, 0.3);
+  EXPECT_GT(unwatched.velocity.error, 0.8);
+  EXPECT_GT(watched.velocity.variance - unwatched.velocity.variance, 0.01);
+  EXPECT_GT(watched.position.variance, unwatched.position.variance + 5.0);
+  EXPECT_LT(watched.position.variance, 100.0);
+  EXPECT_LT(watched.position.error * watched.position.error, 9.0 * watched.position.variance);
 }
 
 }  // namespace

@@ -16,10 +16,11 @@ namespace fdi_lio::odometry {
 /// smoother does not know: it takes the map as given, which its own scans made, so that chance confirms what
 /// it predicts, and its covariance stays small however far the velocity drifts off.
 ///
-/// What velocity and acceleration may be off by along the way is kept here, as the covariance P of [dv, da]:
-/// da is a random walk, dv its integral, and surfaces and textures hold dv as far as they are more than
-/// noise. While dv is doubtful, the brightness of each 16 scans is asked for it
-/// (`find_brightness_offset`), and the answer corrects both with the gains of a Kalman filter.
+/// What position, velocity and acceleration may be off by along the way is kept here, as the covariance P of
+/// [dp, dv, da]: da is a random walk, dv and dp its integrals, and surfaces and textures hold dv as far as
+/// they are more than noise. While dv is doubtful, the brightness of each 16 scans is asked for it
+/// (`find_brightness_offset`), and the answer corrects dv and da with the gains of a Kalman filter. The
+/// position, which the map holds where it is, keeps its error.
 class BrightnessWatch {
  public:
   explicit BrightnessWatch(const Eigen::Isometry3d& T_imu_lidar) : R_imu_lidar_(T_imu_lidar.linear()) {}
@@ -38,13 +39,22 @@ class BrightnessWatch {
   /// taken for gravity [m/s^2]; at least 0.05 and 0.1 are assumed.
   void reset(double velocity_sigma, double gravity_sigma);
 
+  /// Of what the position is off by because of the velocity since the first scan, odom axes [m^2].
+  const Eigen::Matrix3d& position_covariance() const { return position_covariance_; }
+
+  /// Of the newest velocity, odom axes [(m/s)^2].
+  Eigen::Matrix3d velocity_covariance() const { return covariance_(1, 1) * ahead_ * ahead_.transpose(); }
+
  private:
+  Eigen::Vector2d measure(double variance);
   void advance(const imu::NavState& state, const Eigen::Matrix3d& trusted_information);
   Correction ask();
   void forget_scans();
 
   Eigen::Matrix3d R_imu_lidar_;
-  Eigen::Matrix2d covariance_ = Eigen::Matrix2d::Zero();  ///< P
+  Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();           ///< P
+  Eigen::Matrix3d position_covariance_ = Eigen::Matrix3d::Zero();  ///< sum of what came to P_pp, ahead
+  Eigen::Vector3d ahead_ = Eigen::Vector3d::Zero();                ///< of the newest scan, a unit vector
   std::optional<Stamp> newest_;
   std::vector<BrightScan> scans_;
   std::vector<imu::NavState> states_;  ///< of `scans_`
