@@ -57,6 +57,10 @@ void SensorConfig::visit(ParameterVisitor& v) {
   v.real({"sensor.accel_bias_sigma", "m/s^2",
           "what each axis of the accelerometer may be off by at the start: its zero-g offset"},
          accel_bias_sigma_mps2, 1e-4, 5.0);
+  v.real({"sensor.shock_acceleration", "m/s^2",
+          "a mean acceleration between two scans that may be false altogether, in part from half of it on: "
+          "readings that are clipped or come too slowly for a blow"},
+         shock_acceleration_mps2, 1.0, 1e5);
   v.real({"sensor.gravity", "m/s^2", "magnitude of gravity"}, gravity_mps2, 9.7, 9.9);
   v.vector3({"sensor.T_imu_lidar.translation", "m", "p_imu = T_imu_lidar * p_lidar"}, t_imu_lidar);
   v.rotation({"sensor.T_imu_lidar.rotation", "", "quaternion x y z w, or matrix row by row"}, q_imu_lidar);

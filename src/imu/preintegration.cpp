@@ -253,6 +253,20 @@ Preintegration preintegrate(const std::vector<ImuSample>& samples, Stamp from, S
   return out;
 }
 
+double shock_error(double change_mps, double duration_s, double shock_acceleration_mps2) {
+  const double acceleration = change_mps / std::max(1e-6, duration_s);
+  return change_mps * std::clamp(2.0 * acceleration / shock_acceleration_mps2 - 1.0, 0.0, 1.0);
+}
+
+Preintegration with_velocity_error(const Preintegration& measured, double sigma_mps) {
+  Preintegration out = measured;
+  const double dt = std::max(1e-6, measured.duration_s());
+  Matrix15d noise = Matrix15d::Zero();
+  set_translation_noise(dt, sigma_mps / std::sqrt(dt), &noise);
+  out.covariance += noise;
+  return out;
+}
+
 Preintegration joined(const Preintegration& first, const Preintegration& second) {
   const CorrectedDelta then = corrected(second, first.gyro_bias, first.accel_bias, first.lidar_time_offset_s);
   const Eigen::Matrix3d R = first.delta_q.toRotationMatrix();

@@ -24,6 +24,10 @@ namespace {
 /// The first scans in a map, before a velocity is known well.
 constexpr int kStartScans = 3;
 constexpr double kLeastStartSpeed = 0.1;  ///< that the first two scans are deskewed with [m/s]
+/// A shock may have put the prediction of the next scan off by more than this [m]: then so many scans decide
+/// for themselves.
+constexpr double kShockStep = 0.02;
+constexpr int kShockScans = 3;
 /// Way on which what is known of the beams' elevation is taken over into the scans [m].
 constexpr double kElevationWay = 20.0;
 constexpr double kBeamsOfSigma = 16.0;  ///< that mapping.common_elevation_sigma holds for
@@ -142,13 +146,27 @@ void ScanEstimator::predict(const FeatureSet& features, const std::optional<imu:
   }
   if (newest.imu_status == imu::ImuStatus::kInitialised) {
     const imu::NavState predicted = imu::predict(newest, *imu);
-    smoother_.add(predicted, *imu, true, bend_to(predicted));
+    const double error_mps = shock_error((predicted.v_odom - newest.v_odom).norm(), imu->duration_s());
+    smoother_.add(predicted, imu::with_velocity_error(*imu, error_mps), true, bend_to(predicted));
     return;
   }
   const imu::Preintegration motion = imu::gyro_only(*imu, config_.imu);
   imu::NavState predicted = without_gravity(newest, motion);
   predicted.imu_status = imu::ImuStatus::kInitialising;
   smoother_.add(predicted, motion, false, Eigen::Vector3d::Zero());
+}
+
+/// What a shock may have falsified of a change of velocity; it is remembered for the next scans.
+double ScanEstimator::shock_error(double change_mps, double duration_s) {
+  if (shock_scans_ > 0) --shock_scans_;
+  const double error_mps = imu::shock_error(change_mps, duration_s, config_.sensor.shock_acceleration_mps2);
+  if (error_mps * duration_s <= kShockStep) return error_mps;
+  shock_scans_ = kShockScans;
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(1) << "a shock: by the IMU the velocity changed by " << change_mps
+       << " m/s in " << duration_s << " s, which may be false (sensor.shock_acceleration): the scans decide";
+  reporter_->report(Severity::kInfo, "imu_shock", text.str());
+  return error_mps;
 }
 
 /// At a start in motion nothing predicts the second scan, and neither it nor the first was deskewed.
@@ -195,15 +213,17 @@ matching::LidarInformation ScanEstimator::optimise(const matching::MatchInput& i
   const bool has_prediction = predicted.imu_status == imu::ImuStatus::kInitialised;
   const bool is_known = has_prediction && !has_restarted_;
   const bool is_start = map_scans_ <= kStartScans && !is_known && !moving_start_;
+  const bool is_shocked = shock_scans_ > 0;
   std::optional<HealthMonitor::Prediction> prediction;
   std::optional<Matrix6d> predicted_covariance;
   if (has_prediction) {
     predicted_covariance = smoother_.covariance().topLeftCorner<6, 6>();
-    prediction = HealthMonitor::Prediction{predicted.T_odom_imu(), *predicted_covariance, is_shaken};
+    prediction =
+        HealthMonitor::Prediction{predicted.T_odom_imu(), *predicted_covariance, is_shaken || is_shocked};
   }
   const std::size_t features = input.planes.size() + input.edges.size();
   const Alignment alignment = registration_.align(input, map_, adapted_, health_.least_matches(features),
-                                                  is_start, predicted_covariance, &smoother_);
+                                                  is_start || is_shocked, predicted_covariance, &smoother_);
   result->status = alignment.status;
   result->axis_information = alignment.axis_information;
   result->axis_noise = alignment.axis_noise;
@@ -312,11 +332,11 @@ bool ScanEstimator::decide_keyframe(bool is_reviewed) {
 /// with.
 Eigen::Vector3d ScanEstimator::deskew_velocity(const Eigen::Vector3d& v_deskew, bool is_reviewed) const {
   const imu::NavState& newest = smoother_.newest();
-  // While scans alone tell the velocity, one that is wrong by d shifts what is seen at the beginning of a
-  // sweep by d times its duration, so that the next are wrong by d_k = d_k-1 - d_k-2, which oscillates for
-  // ever. With the mean of the last two, d_k = (d_k-1 - d_k-3) / 2, which fades.
-  if (newest.imu_status != imu::ImuStatus::kInitialised && scan_count_ > 1)
-    return 0.5 * (before_.v_odom + v_earlier_);
+  // While scans alone tell the velocity, as after a shock, one that is wrong by d shifts what is seen at the
+  // beginning of a sweep by d times its duration, so that the next are wrong by d_k = d_k-1 - d_k-2, which
+  // oscillates for ever. With the mean of the last two, d_k = (d_k-1 - d_k-3) / 2, which fades.
+  const bool is_by_scans = newest.imu_status != imu::ImuStatus::kInitialised || shock_scans_ > 0;
+  if (is_by_scans && scan_count_ > 1) return 0.5 * (before_.v_odom + v_earlier_);
   return moving_start_ && is_reviewed ? newest.v_odom : v_deskew;
 }
 

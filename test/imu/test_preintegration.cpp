@@ -155,6 +155,41 @@ TEST(Preintegration, TimeOffsetJacobianIsNumeric) {
             0.05 * p.delta_q.angularDistance(late_by(5.0 * kStep).delta_q));
 }
 
+TEST(Preintegration, OnlyWhatNoVehicleDoesIsAShock) {
+  EXPECT_EQ(shock_error(0.5, 0.1, 10.0), 0.0);
+  EXPECT_NEAR(shock_error(0.75, 0.1, 10.0), 0.375, 1e-12);
+  EXPECT_NEAR(shock_error(1.0, 0.1, 10.0), 1.0, 1e-12);
+  EXPECT_NEAR(shock_error(3.0, 0.1, 10.0), 3.0, 1e-12);
+  EXPECT_EQ(shock_error(0.5, 0.2, 10.0), 0.0);
+}
+
+/// Against blows of random strength at random instants.
+TEST(Preintegration, AnErrorOfVelocityIsOneOfPositionToo) {
+  constexpr double kSigma = 2.0;
+  Preintegration measured;
+  measured.to = add_seconds(measured.from, 0.1);
+  measured.covariance = 1e-4 * Matrix15d::Identity();
+  const Matrix15d added = with_velocity_error(measured, kSigma).covariance - measured.covariance;
+  std::mt19937 generator(1);
+  std::normal_distribution<double> strength(0.0, kSigma);
+  std::uniform_real_distribution<double> left_s(0.0, 0.1);
+  Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+  constexpr int kBlows = 100000;
+  for (int k = 0; k < kBlows; ++k) {
+    const double dv = strength(generator);
+    const Eigen::Vector2d error(dv * left_s(generator), dv);
+    sum += error * error.transpose() / kBlows;
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    const int p = 3 + axis;
+    const int v = 6 + axis;
+    EXPECT_NEAR(added(p, p), sum(0, 0), 0.02 * sum(0, 0));
+    EXPECT_NEAR(added(p, v), sum(0, 1), 0.02 * sum(0, 1));
+    EXPECT_NEAR(added(v, v), sum(1, 1), 0.02 * sum(1, 1));
+  }
+  EXPECT_NEAR(added.topLeftCorner(3, 3).norm() + added.bottomRightCorner(6, 6).norm(), 0.0, 1e-12);
+}
+
 TEST(Preintegration, NoReadingGivesNoSamples) {
   const Preintegration p = preintegrate({}, 0, to_nanoseconds(0.1), Eigen::Vector3d::Zero(),
                                         Eigen::Vector3d::Zero(), kNoise, ImuConfig());

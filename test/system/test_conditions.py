@@ -96,6 +96,24 @@ class Conditions(unittest.TestCase):
         self.assertNotIn("too few matches", said)
         self.assertLess(ate_rmse(estimate, truth), 0.1)
 
+    def test_blows_that_the_accelerometer_gets_wrong(self):
+        # By 4 m/s along the way in two scans, then by 3 m/s across it in one.
+        first_s = None
+
+        def strike(message):
+            nonlocal first_s
+            stamp_s = message.header.stamp.to_sec()
+            first_s = stamp_s if first_s is None else first_s
+            if 10.0 <= stamp_s - first_s < 10.2:
+                message.linear_acceleration.x += 20.0
+            if 15.0 <= stamp_s - first_s < 15.1:
+                message.linear_acceleration.y += 30.0
+
+        estimate, truth, said = self.drive("mine", 25, change=strike)
+        self.assertIn("a shock", said)
+        self.assertNotIn("too few matches", said)
+        self.assertLess(ate_rmse(estimate, truth), 0.1)
+
 
 if __name__ == "__main__":
     BIN, SOURCE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])

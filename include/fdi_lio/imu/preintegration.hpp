@@ -44,6 +44,15 @@ Preintegration constant_velocity(const NavState& state, Stamp to, const ImuConfi
 /// all that can be used while gravity is unknown.
 Preintegration gyro_only(const Preintegration& measured, const ImuConfig& config);
 
+/// What is doubtful of a change of velocity between two scans: nothing while its mean acceleration is below
+/// half of `shock_acceleration_mps2`, all from that on, a share that grows evenly between. A blow is over
+/// before the readings tell its height, or clips them; what is left looks like a change of velocity.
+double shock_error(double change_mps, double duration_s, double shock_acceleration_mps2);
+
+/// The same motion, its change of velocity off by `sigma_mps` besides (standard deviation along each axis),
+/// in whatever instant of the interval.
+Preintegration with_velocity_error(const Preintegration& measured, double sigma_mps);
+
 /// One preintegration of two that follow each other (`first.to` is `second.from`, both with readings), at the
 /// biases and the time offset of the first: what preintegrating all their readings gives; exact, but for
 /// biases and offsets that differ, for which `corrected` stands.

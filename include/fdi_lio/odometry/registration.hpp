@@ -38,7 +38,7 @@ class Registration {
 
   /// `predicted_covariance`: of the newest state's pose, order [dtheta (body), dt (odom)]; nothing where no
   /// IMU predicts it. With fewer than `least_matches` planes and edges the scan says nothing. `is_start`:
-  /// nothing is known of the velocity yet, associations are sought farther away and more often.
+  /// nothing is known of the velocity yet, or no more: associations are sought farther away and more often.
   Alignment align(matching::MatchInput input, const matching::LocalMap& map, const AdaptedSettings& adapted,
                   std::size_t least_matches, bool is_start,
                   const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother);

@@ -66,6 +66,7 @@ class ScanEstimator {
  private:
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
+  double shock_error(double change_mps, double duration_s);
   void search_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
                      FeatureSet* features);
   bool adopt_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
@@ -118,7 +119,8 @@ class ScanEstimator {
   double radius_m_ = 0.0;  ///< of the features matched last
   double common_elevation_sigma_rad_ = 0.0;
   int scan_count_ = 0;
-  int map_scans_ = 0;  ///< since the local map was begun
+  int map_scans_ = 0;    ///< since the local map was begun
+  int shock_scans_ = 0;  ///< to come that decide for themselves, this one included
   bool has_restarted_ = false;
   imu::NavState before_;                                 ///< estimate of the scan before
   Eigen::Vector3d v_earlier_ = Eigen::Vector3d::Zero();  ///< of the one before that
