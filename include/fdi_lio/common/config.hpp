@@ -40,7 +40,7 @@ struct SensorConfig {
   double accel_bias_walk = 1e-3;
   double accel_model_walk = 1e-2;
   double accel_bias_sigma_mps2 = 0.3;
-  double shock_acceleration_mps2 = 10.0;
+  double shock_acceleration_mps2 = 15.0;
   double gravity_mps2 = 9.81;
   Eigen::Vector3d t_imu_lidar = Eigen::Vector3d::Zero();
   Eigen::Quaterniond q_imu_lidar = Eigen::Quaterniond::Identity();
