@@ -253,11 +253,6 @@ Preintegration preintegrate(const std::vector<ImuSample>& samples, Stamp from, S
   return out;
 }
 
-double shock_error(double change_mps, double duration_s, double shock_acceleration_mps2) {
-  const double acceleration = change_mps / std::max(1e-6, duration_s);
-  return change_mps * std::clamp(2.0 * acceleration / shock_acceleration_mps2 - 1.0, 0.0, 1.0);
-}
-
 Preintegration with_velocity_error(const Preintegration& measured, double sigma_mps) {
   Preintegration out = measured;
   const double dt = std::max(1e-6, measured.duration_s());
@@ -331,6 +326,16 @@ NavState predict(const NavState& state, const Preintegration& p) {
       state.t_odom_imu + dt * state.v_odom + 0.5 * dt * dt * state.g_odom + q_imu * delta.delta_p;
   next.w_imu = p.last_angular_velocity - state.gyro_bias;
   return next;
+}
+
+NavState predict_without_gravity(const NavState& state, const Preintegration& motion) {
+  NavState from = state;
+  from.g_odom.setZero();
+  from.mounting.setZero();
+  NavState predicted = predict(from, motion);
+  predicted.g_odom = state.g_odom;
+  predicted.mounting = state.mounting;
+  return predicted;
 }
 
 }  // namespace fdi_lio::imu

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "fdi_lio/common/key_index.hpp"
+#include "fdi_lio/common/voxel_cells.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
 
 namespace fdi_lio::localisation {

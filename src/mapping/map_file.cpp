@@ -11,6 +11,7 @@
 
 #include "fdi_lio/common/key_index.hpp"
 #include "fdi_lio/common/parallel.hpp"
+#include "fdi_lio/common/voxel_cells.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
 
 namespace fdi_lio::mapping {

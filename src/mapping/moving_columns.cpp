@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <iterator>
 
+#include "fdi_lio/common/voxel_cells.hpp"
 #include "fdi_lio/mapping/map_builder.hpp"
 
 namespace fdi_lio::mapping {

@@ -9,9 +9,9 @@
 namespace fdi_lio::odometry {
 
 namespace {
-/// At a start.
-constexpr int kStartIterations = 20;
-constexpr double kStartMaxResidual = 1.0;
+/// Where nothing predicts a scan.
+constexpr int kUnpredictedIterations = 20;
+constexpr double kUnpredictedMaxResidual = 1.0;
 /// Of the intensity features that find a texture in the map. Where it is less, those that do are a selection:
 /// a cell takes three scans to know a texture, which few see that do not travel with the sensor.
 constexpr double kUsualTextureShare = 0.1;
@@ -59,9 +59,9 @@ bool Registration::has_converged(const imu::NavState& before, const imu::NavStat
 }
 
 Alignment Registration::align(matching::MatchInput input, const matching::LocalMap& map,
-                              const AdaptedSettings& adapted, std::size_t least_matches, bool is_start,
+                              const AdaptedSettings& adapted, std::size_t least_matches, bool is_unpredicted,
                               const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother) {
-  const int iterations = is_start ? kStartIterations : adapted.iterations;
+  const int iterations = is_unpredicted ? kUnpredictedIterations : adapted.iterations;
   matching::MatchSettings settings;
   settings.plane_weight = adapted.plane_weight;
   settings.edge_weight = adapted.edge_weight;
@@ -77,10 +77,10 @@ Alignment Registration::align(matching::MatchInput input, const matching::LocalM
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const imu::NavState current = smoother->newest();
     const double progress = static_cast<double>(iteration) / iterations;
-    settings.max_residual_m = is_start
-                                  ? std::max(config_.max_residual_m, kStartMaxResidual * (1.0 - progress))
-                                  : config_.max_residual_m;
-    if (!is_start && iteration > 0) settings.max_deviation = config_.max_deviation;
+    settings.max_residual_m =
+        is_unpredicted ? std::max(config_.max_residual_m, kUnpredictedMaxResidual * (1.0 - progress))
+                       : config_.max_residual_m;
+    if (!is_unpredicted && iteration > 0) settings.max_deviation = config_.max_deviation;
     matching::LidarInformation& information = alignment.information;
     information = matcher_.linearise(input, map.planes(), map.edges(), current.q_odom_imu, current.t_odom_imu,
                                      settings);

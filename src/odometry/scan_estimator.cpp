@@ -13,7 +13,6 @@
 #include "fdi_lio/imu/initialisation.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/matching/match_input.hpp"
-#include "fdi_lio/odometry/mounting.hpp"
 #include "fdi_lio/odometry/start_ground.hpp"
 #include "fdi_lio/odometry/start_motion.hpp"
 
@@ -24,24 +23,9 @@ namespace {
 /// The first scans in a map, before a velocity is known well.
 constexpr int kStartScans = 3;
 constexpr double kLeastStartSpeed = 0.1;  ///< that the first two scans are deskewed with [m/s]
-/// A shock may have put the prediction of the next scan off by more than this [m]: then so many scans decide
-/// for themselves.
-constexpr double kShockStep = 0.02;
-constexpr int kShockScans = 3;
 /// Way on which what is known of the beams' elevation is taken over into the scans [m].
 constexpr double kElevationWay = 20.0;
 constexpr double kBeamsOfSigma = 16.0;  ///< that mapping.common_elevation_sigma holds for
-
-/// The prediction by a motion that is not one of an accelerometer, in the axes of the pose.
-imu::NavState without_gravity(const imu::NavState& state, const imu::Preintegration& motion) {
-  imu::NavState from = state;
-  from.g_odom.setZero();
-  from.mounting.setZero();
-  imu::NavState predicted = imu::predict(from, motion);
-  predicted.g_odom = state.g_odom;
-  predicted.mounting = state.mounting;
-  return predicted;
-}
 
 Smoother::CalibrationSigma calibration_sigma(const Config& config) {
   Smoother::CalibrationSigma sigma;
@@ -69,13 +53,14 @@ ScanEstimator::ScanEstimator(const Config& config, Reporter* reporter, const Sta
       smoother_(config.mapping.window_size, config.sensor.gravity_mps2, calibration_sigma(config),
                 config.mapping.tilt_walk_deg * M_PI / 180.0),
       map_(config.mapping),
-      drift_(config.mapping.drift_share),
+      stated_(config),
       health_(reporter),
       calibration_report_(config.sensor, reporter),
       candidate_(config),
       imu_start_(config, reporter),
       beams_(config),
-      brightness_(T_imu_lidar_) {}
+      brightness_(T_imu_lidar_),
+      shock_guard_(config.sensor.shock_acceleration_mps2, reporter) {}
 
 ScanEstimator::~ScanEstimator() { learning_.wait(); }
 
@@ -141,32 +126,19 @@ void ScanEstimator::predict(const FeatureSet& features, const std::optional<imu:
           "no IMU data for the interval before a scan: its motion is predicted by constant velocity");
     }
     const imu::Preintegration motion = imu::constant_velocity(newest, features.stamp, config_.imu);
-    smoother_.add(without_gravity(newest, motion), motion, false, Eigen::Vector3d::Zero());
+    smoother_.add(imu::predict_without_gravity(newest, motion), motion, false, Eigen::Vector3d::Zero());
     return;
   }
   if (newest.imu_status == imu::ImuStatus::kInitialised) {
     const imu::NavState predicted = imu::predict(newest, *imu);
-    const double error_mps = shock_error((predicted.v_odom - newest.v_odom).norm(), imu->duration_s());
+    const double error_mps = shock_guard_.add((predicted.v_odom - newest.v_odom).norm(), imu->duration_s());
     smoother_.add(predicted, imu::with_velocity_error(*imu, error_mps), true, bend_to(predicted));
     return;
   }
   const imu::Preintegration motion = imu::gyro_only(*imu, config_.imu);
-  imu::NavState predicted = without_gravity(newest, motion);
+  imu::NavState predicted = imu::predict_without_gravity(newest, motion);
   predicted.imu_status = imu::ImuStatus::kInitialising;
   smoother_.add(predicted, motion, false, Eigen::Vector3d::Zero());
-}
-
-/// What a shock may have falsified of a change of velocity; it is remembered for the next scans.
-double ScanEstimator::shock_error(double change_mps, double duration_s) {
-  if (shock_scans_ > 0) --shock_scans_;
-  const double error_mps = imu::shock_error(change_mps, duration_s, config_.sensor.shock_acceleration_mps2);
-  if (error_mps * duration_s <= kShockStep) return error_mps;
-  shock_scans_ = kShockScans;
-  std::ostringstream text;
-  text << std::fixed << std::setprecision(1) << "a shock: by the IMU the velocity changed by " << change_mps
-       << " m/s in " << duration_s << " s, which may be false (sensor.shock_acceleration): the scans decide";
-  reporter_->report(Severity::kInfo, "imu_shock", text.str());
-  return error_mps;
 }
 
 /// At a start in motion nothing predicts the second scan, and neither it nor the first was deskewed.
@@ -213,7 +185,7 @@ matching::LidarInformation ScanEstimator::optimise(const matching::MatchInput& i
   const bool has_prediction = predicted.imu_status == imu::ImuStatus::kInitialised;
   const bool is_known = has_prediction && !has_restarted_;
   const bool is_start = map_scans_ <= kStartScans && !is_known && !moving_start_;
-  const bool is_shocked = shock_scans_ > 0;
+  const bool is_shocked = shock_guard_.is_shocked();
   std::optional<HealthMonitor::Prediction> prediction;
   std::optional<Matrix6d> predicted_covariance;
   if (has_prediction) {
@@ -257,7 +229,7 @@ void ScanEstimator::begin_map_anew(const EstimateResult& result, const Matrix15d
                         " m/s, whose error remains. After a long gap without scans this is as it should be; "
                         "otherwise check sensor.T_imu_lidar and the clocks");
   start_smoother(result.state, sigma);
-  drift_.begin_anew(result.map_covariance);
+  stated_.begin_map_anew(result.map_covariance);
   map_ = candidate_.take();
   imu_start_.reset();
   ground_normal_.reset();
@@ -335,7 +307,7 @@ Eigen::Vector3d ScanEstimator::deskew_velocity(const Eigen::Vector3d& v_deskew, 
   // While scans alone tell the velocity, as after a shock, one that is wrong by d shifts what is seen at the
   // beginning of a sweep by d times its duration, so that the next are wrong by d_k = d_k-1 - d_k-2, which
   // oscillates for ever. With the mean of the last two, d_k = (d_k-1 - d_k-3) / 2, which fades.
-  const bool is_by_scans = newest.imu_status != imu::ImuStatus::kInitialised || shock_scans_ > 0;
+  const bool is_by_scans = newest.imu_status != imu::ImuStatus::kInitialised || shock_guard_.is_shocked();
   if (is_by_scans && scan_count_ > 1) return 0.5 * (before_.v_odom + v_earlier_);
   return moving_start_ && is_reviewed ? newest.v_odom : v_deskew;
 }
@@ -405,17 +377,13 @@ void ScanEstimator::watch_velocity(const FeatureSet& features, const Eigen::Vect
 /// What the newest state may be off by: against the local map, and since the start.
 void ScanEstimator::state_uncertainty(const Matrix15d& covariance, EstimateResult* result) {
   result->map_covariance = covariance.topLeftCorner<6, 6>();
-  if (scan_count_ > 0) {
-    drift_.advance(before_, result->state, result->map_covariance, radius_m_);
-    tilt_.advance(before_, result->state);
+  if (scan_count_ == 0) {
+    stated_.begin(result->state);
+  } else {
+    stated_.advance(before_, result->state, result->map_covariance, radius_m_);
   }
-  if (scan_count_ == 0) T_odom_first_ = result->state.T_odom_imu();
-  result->covariance = adapted_.noise_scale * config_.mapping.covariance_factor *
-                           (result->map_covariance + drift_.covariance()) +
-                       mounting_covariance(T_odom_first_, result->state.T_odom_imu(),
-                                           config_.sensor.mounting_sigma_deg * M_PI / 180.0) +
-                       tilt_.error() * tilt_.error().transpose();
-  result->covariance.bottomRightCorner<3, 3>() += brightness_.position_covariance();
+  result->covariance = stated_.covariance(result->state, result->map_covariance, adapted_.noise_scale,
+                                          brightness_.position_covariance());
   result->velocity_covariance = covariance.block<3, 3>(6, 6) + brightness_.velocity_covariance();
 }
 

@@ -155,14 +155,6 @@ TEST(Preintegration, TimeOffsetJacobianIsNumeric) {
             0.05 * p.delta_q.angularDistance(late_by(5.0 * kStep).delta_q));
 }
 
-TEST(Preintegration, OnlyWhatNoVehicleDoesIsAShock) {
-  EXPECT_EQ(shock_error(0.5, 0.1, 10.0), 0.0);
-  EXPECT_NEAR(shock_error(0.75, 0.1, 10.0), 0.375, 1e-12);
-  EXPECT_NEAR(shock_error(1.0, 0.1, 10.0), 1.0, 1e-12);
-  EXPECT_NEAR(shock_error(3.0, 0.1, 10.0), 3.0, 1e-12);
-  EXPECT_EQ(shock_error(0.5, 0.2, 10.0), 0.0);
-}
-
 /// Against blows of random strength at random instants.
 TEST(Preintegration, AnErrorOfVelocityIsOneOfPositionToo) {
   constexpr double kSigma = 2.0;

@@ -90,7 +90,9 @@ TEST(BrightnessWatch, BelievesThatItWasWrong) {
     drive.state_.v_odom.x() += error;
     while (drive.corrections() == 0) drive.go_on(1);
     const double left = std::abs(drive.error_mps()) / error;
-    EXPECT_EQ(left<0.15, error> 1.0) << left;
+    const bool is_corrected = left < 0.15;
+    const bool is_large = error > 1.0;
+    EXPECT_EQ(is_corrected, is_large) << left;
     EXPECT_LT(std::abs(drive.error_m()), 2.0 * drive.stated_m());
   }
 }

@@ -44,12 +44,7 @@ Preintegration constant_velocity(const NavState& state, Stamp to, const ImuConfi
 /// all that can be used while gravity is unknown.
 Preintegration gyro_only(const Preintegration& measured, const ImuConfig& config);
 
-/// What is doubtful of a change of velocity between two scans: nothing while its mean acceleration is below
-/// half of `shock_acceleration_mps2`, all from that on, a share that grows evenly between. A blow is over
-/// before the readings tell its height, or clips them; what is left looks like a change of velocity.
-double shock_error(double change_mps, double duration_s, double shock_acceleration_mps2);
-
-/// The same motion, its change of velocity off by `sigma_mps` besides (standard deviation along each axis),
+/// The motion with its change of velocity off by `sigma_mps` besides (standard deviation along each axis),
 /// in whatever instant of the interval.
 Preintegration with_velocity_error(const Preintegration& measured, double sigma_mps);
 
@@ -70,5 +65,9 @@ CorrectedDelta corrected(const Preintegration& preintegration, const Eigen::Vect
 
 /// The state at `preintegration.to`, predicted from `state` (at `preintegration.from`).
 NavState predict(const NavState& state, const Preintegration& preintegration);
+
+/// The same by a motion that is not one of an accelerometer (`constant_velocity`, `gyro_only`), in the axes
+/// of the pose.
+NavState predict_without_gravity(const NavState& state, const Preintegration& motion);
 
 }  // namespace fdi_lio::imu

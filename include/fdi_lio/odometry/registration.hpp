@@ -37,10 +37,11 @@ class Registration {
   Registration(const Config& config, Reporter* reporter);
 
   /// `predicted_covariance`: of the newest state's pose, order [dtheta (body), dt (odom)]; nothing where no
-  /// IMU predicts it. With fewer than `least_matches` planes and edges the scan says nothing. `is_start`:
-  /// nothing is known of the velocity yet, or no more: associations are sought farther away and more often.
+  /// IMU predicts it. With fewer than `least_matches` planes and edges the scan says nothing.
+  /// `is_unpredicted`: the prediction is not to be relied on, as at a start or after a shock, and
+  /// associations are sought farther away and more often.
   Alignment align(matching::MatchInput input, const matching::LocalMap& map, const AdaptedSettings& adapted,
-                  std::size_t least_matches, bool is_start,
+                  std::size_t least_matches, bool is_unpredicted,
                   const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother);
 
  private:

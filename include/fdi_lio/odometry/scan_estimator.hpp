@@ -23,11 +23,11 @@
 #include "fdi_lio/odometry/health_monitor.hpp"
 #include "fdi_lio/odometry/imu_start.hpp"
 #include "fdi_lio/odometry/map_candidate.hpp"
-#include "fdi_lio/odometry/map_drift.hpp"
-#include "fdi_lio/odometry/map_tilt.hpp"
 #include "fdi_lio/odometry/moving_start.hpp"
 #include "fdi_lio/odometry/registration.hpp"
+#include "fdi_lio/odometry/shock_guard.hpp"
 #include "fdi_lio/odometry/smoother.hpp"
+#include "fdi_lio/odometry/stated_covariance.hpp"
 
 namespace fdi_lio::odometry {
 
@@ -66,7 +66,6 @@ class ScanEstimator {
  private:
   void start(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
-  double shock_error(double change_mps, double duration_s);
   void search_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
                      FeatureSet* features);
   bool adopt_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
@@ -99,14 +98,14 @@ class ScanEstimator {
   Registration registration_;
   Smoother smoother_;
   matching::LocalMap map_;
-  MapDrift drift_;
-  MapTilt tilt_;
+  StatedCovariance stated_;
   HealthMonitor health_;
   CalibrationReport calibration_report_;
   MapCandidate candidate_;
   ImuStart imu_start_;
   BeamCorrection beams_;
   BrightnessWatch brightness_;
+  ShockGuard shock_guard_;
   Eigen::Matrix3d trusted_information_ = Eigen::Matrix3d::Zero();  ///< Alignment's, of the newest scan
   std::optional<FeatureSet> first_;  ///< the first scan, until the second has come
   /// About the first scan, in odom; only where nothing but an alignment in motion tells which way is up.
@@ -119,12 +118,10 @@ class ScanEstimator {
   double radius_m_ = 0.0;  ///< of the features matched last
   double common_elevation_sigma_rad_ = 0.0;
   int scan_count_ = 0;
-  int map_scans_ = 0;    ///< since the local map was begun
-  int shock_scans_ = 0;  ///< to come that decide for themselves, this one included
+  int map_scans_ = 0;  ///< since the local map was begun
   bool has_restarted_ = false;
   imu::NavState before_;                                 ///< estimate of the scan before
   Eigen::Vector3d v_earlier_ = Eigen::Vector3d::Zero();  ///< of the one before that
-  Eigen::Isometry3d T_odom_first_ = Eigen::Isometry3d::Identity();
   bool has_keyframe_ = false;
   Eigen::Isometry3d T_odom_keyframe_ = Eigen::Isometry3d::Identity();
   double learning_ms_ = 0.0;

@@ -1,0 +1,35 @@
+#include <gtest/gtest.h>
+
+#include "fdi_lio/odometry/shock_guard.hpp"
+
+namespace fdi_lio::odometry {
+namespace {
+
+TEST(ShockGuard, DoubtsWhatNoVehicleDoes) {
+  Reporter reporter;
+  ShockGuard guard(10.0, &reporter);
+  EXPECT_EQ(guard.add(0.0, 0.0), 0.0);
+  EXPECT_EQ(guard.add(0.5, 0.1), 0.0);
+  EXPECT_NEAR(guard.add(0.75, 0.1), 0.375, 1e-12);
+  EXPECT_NEAR(guard.add(1.0, 0.1), 1.0, 1e-12);
+  EXPECT_NEAR(guard.add(3.0, 0.1), 3.0, 1e-12);
+  EXPECT_EQ(guard.add(0.5, 0.2), 0.0);
+}
+
+TEST(ShockGuard, IsOnItsGuardForThreeScans) {
+  Reporter reporter;
+  ShockGuard guard(10.0, &reporter);
+  guard.add(0.6, 0.1);  // by 1.2 cm at most
+  EXPECT_FALSE(guard.is_shocked());
+  EXPECT_FALSE(reporter.has("imu_shock"));
+  guard.add(2.0, 0.1);
+  EXPECT_TRUE(reporter.has("imu_shock"));
+  for (int scan = 0; scan < 3; ++scan) {
+    EXPECT_TRUE(guard.is_shocked()) << scan;
+    guard.add(0.0, 0.1);
+  }
+  EXPECT_FALSE(guard.is_shocked());
+}
+
+}  // namespace
+}  // namespace fdi_lio::odometry
