@@ -238,7 +238,11 @@ bool MappingOptimization::process_front() {
   const FeaturesConstPtr features = features_.front();
   features_.pop_front();
   const PreintegratedImuConstPtr preintegrated = take_preintegrated(ros_stamp);
-  process(*features, preintegrated, take(&degeneracies_, ros_stamp));
+  const DegeneracyConstPtr degeneracy = take(&degeneracies_, ros_stamp);
+  // A node that was restarted may hear of scans before it hears what the IMU's node says of them. It must not
+  // begin with one of those: where it was before its restart comes with the answer.
+  const bool is_before_answers = !preintegrated && !estimator_->state() && imu_gate_->has_answered(stamp);
+  if (!is_before_answers) process(*features, preintegrated, degeneracy);
   // What came for the next while this one was worked on has not been read yet: its wait begins now.
   front_since_ = SteadyClock::now();
   return true;
