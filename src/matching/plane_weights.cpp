@@ -4,6 +4,10 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 
 #include "fdi_lio/common/key_index.hpp"
 
@@ -24,6 +28,18 @@ constexpr double kPatchFloor = 0.25;
 constexpr double kPositionFactor = 2.0;
 constexpr double kRotationFactor = 4.0;
 
+/// A patch is condemned that has less trust: more than a deviation off.
+constexpr double kCondemned = 0.25;
+/// A prediction that condemns a larger share of a scan's planes is doubted: traffic, walkers and what is
+/// wrong in the map are 0.15 at most, mostly below 0.05.
+constexpr double kMostCondemned = 0.2;
+/// It is wrong if some other pose condemns less than this share of what it condemns.
+constexpr double kAgreed = 0.5;
+constexpr int kConsensusRounds = 5;
+/// The prediction keeps the directions that the scan does not tell.
+constexpr double kDoubtedPrediction = 1e4;  ///< times its covariance
+constexpr double kLeastVariance = 1e-12;    ///< keeps its inverse regular [rad^2, m^2]
+
 /// Mean residual of the plane matches of one part of the scan.
 class Patch {
  public:
@@ -32,12 +48,13 @@ class Patch {
     weight_ += weight;
     residual_ += weight * match.residual_m;
     jacobian_ += weight * match.jacobian;
+    ++count_;
   }
 
-  /// 1 where the mean is what the pose's covariance and chance allow, a quarter where it is one deviation of
-  /// these, towards 0 beyond.
-  double trust(const TrustInput& input) const {
-    const double mean = residual_ / weight_;
+  /// With the pose moved by `step` from the prediction: 1 where the mean is what the pose's covariance and
+  /// chance allow, a quarter where it is one deviation of these, towards 0 beyond.
+  double trust(const TrustInput& input, const Vector6d& step) const {
+    const double mean = (residual_ + jacobian_.dot(step)) / weight_;
     Vector6d J = jacobian_ / weight_;
     J.head<3>() *= kRotationFactor;
     J.tail<3>() *= kPositionFactor;
@@ -47,11 +64,58 @@ class Patch {
     return 1.0 / (excess * excess);
   }
 
+  /// Adds what the mean tells of the step, `trust` times.
+  void add_to(double trust, const TrustInput& input, Matrix6d* H, Vector6d* b) const {
+    const double scale = trust / (weight_ * input.correlation_factor);
+    *H += scale * jacobian_ * jacobian_.transpose();
+    *b += scale * residual_ * jacobian_;
+  }
+
+  std::size_t count() const { return count_; }
+
  private:
   double weight_ = 0.0;
   double residual_ = 0.0;
   Vector6d jacobian_ = Vector6d::Zero();
+  std::size_t count_ = 0;
 };
+
+/// Trust in patches, at one pose.
+struct Judgement {
+  std::vector<float> trust;
+  double condemned = 0.0;  ///< share of the planes
+};
+
+Judgement judge(const std::vector<Patch>& patches, const TrustInput& input, const Vector6d& step) {
+  Judgement judgement;
+  judgement.trust.reserve(patches.size());
+  std::size_t all = 0;
+  std::size_t condemned = 0;
+  for (const Patch& patch : patches) {
+    const double trust = patch.trust(input, step);
+    judgement.trust.push_back(static_cast<float>(trust));
+    all += patch.count();
+    if (trust < kCondemned) condemned += patch.count();
+  }
+  if (all > 0) judgement.condemned = static_cast<double>(condemned) / static_cast<double>(all);
+  return judgement;
+}
+
+/// The judgement at the pose that most patches agree on, found from all of them by reweighting.
+Judgement consensus(const std::vector<Patch>& patches, const TrustInput& input) {
+  const Matrix6d covariance = kDoubtedPrediction * input.covariance + kLeastVariance * Matrix6d::Identity();
+  const Matrix6d prior = covariance.inverse();
+  Judgement judgement;
+  judgement.trust.assign(patches.size(), 1.0F);
+  for (int round = 0; round < kConsensusRounds; ++round) {
+    Matrix6d H = prior;
+    Vector6d b = Vector6d::Zero();
+    for (std::size_t k = 0; k < patches.size(); ++k)
+      patches[k].add_to(static_cast<double>(judgement.trust[k]), input, &H, &b);
+    judgement = judge(patches, input, -H.ldlt().solve(b));
+  }
+  return judgement;
+}
 
 /// The group of a plane: the cube of `size_m` that it lies in, and the signed axis that its normal is nearest
 /// to.
@@ -96,12 +160,14 @@ std::vector<float> trust_planes(const std::vector<Eigen::Vector3d>& planes, cons
   for (std::size_t i = 0; i < planes.size(); ++i) {
     if (matches[i]) patches[groups.of_plane[i]].add(*matches[i]);
   }
-  std::vector<float> of_patch;
-  of_patch.reserve(patches.size());
-  for (const Patch& patch : patches) of_patch.push_back(static_cast<float>(patch.trust(input)));
+  Judgement judgement = judge(patches, input, Vector6d::Zero());
+  if (judgement.condemned > kMostCondemned) {
+    Judgement agreed = consensus(patches, input);
+    if (agreed.condemned < kAgreed * judgement.condemned) judgement = std::move(agreed);
+  }
   std::vector<float> factors(planes.size(), 1.0F);
   for (std::size_t i = 0; i < planes.size(); ++i) {
-    if (matches[i]) factors[i] = of_patch[groups.of_plane[i]];
+    if (matches[i]) factors[i] = judgement.trust[groups.of_plane[i]];
   }
   return factors;
 }
