@@ -22,6 +22,8 @@ constexpr double kSquaredTextureReach = 3.0;
 /// Lines tell of their radius when they are seen from about the side that they are known from: of what they
 /// look like from behind the thick ones decide, which hardly count for the pose.
 constexpr double kMostTurned = 0.5;
+/// Of the errors of a beam that the next one does not have: what is smooth from beam to beam tilts no plane.
+constexpr double kUnsmooth = 0.5;
 
 /// Normal equations of some residuals.
 struct Sum {
@@ -126,6 +128,9 @@ class Residuals {
   /// what the calibration of the beams leaves of elevation and range, and what its view and the cell's differ
   /// by.
   double shared_variance(const Eigen::Vector3d& p_imu, const Cell& cell, const Eigen::Vector3d& n) const;
+  /// Variance along n of the error that all points of one beam have in the cell, and those of the next beam
+  /// not.
+  double beam_variance(const Cell& cell, const Eigen::Vector3d& n) const;
 
   const MappingConfig& mapping_;
   const MatchSettings& settings_;
@@ -220,7 +225,9 @@ Residuals::Residual Residuals::distance(const Eigen::Vector3d& p_imu, const Cell
 }
 
 Residuals::Residual Residuals::plane(const Eigen::Vector3d& p_imu, const Cell& cell) const {
-  return distance(p_imu, cell, 0, 1, mapping_.range_bias_m);
+  Residual residual = distance(p_imu, cell, 0, 1, mapping_.range_bias_m);
+  residual.slope_variance += beam_variance(cell, residual.gradient) / cell.beam_count();
+  return residual;
 }
 
 Residuals::Residual Residuals::line(const Eigen::Vector3d& p_imu, const Cell& cell, int normal) const {
@@ -255,6 +262,12 @@ double Residuals::shared_variance(const Eigen::Vector3d& p_imu, const Cell& cell
   const double smooth_m = kRadians * mapping_.beam_elevation_sigma_deg * (motion[1] - n.dot(cell.lever));
   return elevation_m * elevation_m + range_m * range_m + smooth_m * smooth_m +
          view_variance(p_imu, cell, n, mapping_.range_bias_m);
+}
+
+double Residuals::beam_variance(const Cell& cell, const Eigen::Vector3d& n) const {
+  const double elevation_m = kRadians * mapping_.beam_elevation_sigma_deg * n.dot(cell.lever);
+  const double range_m = mapping_.range_bias_m * n.dot(cell.view);
+  return kUnsmooth * kUnsmooth * (elevation_m * elevation_m + range_m * range_m);
 }
 
 PlaneMatch Residuals::plane_match(const Eigen::Vector3d& p_imu, const Cell& cell,

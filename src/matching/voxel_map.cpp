@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include <Eigen/Eigenvalues>
@@ -28,6 +29,7 @@ constexpr double kGradientSignificance = 4.0;
 /// points that belief is worth: a handful of points that agree by chance must not count for certain.
 constexpr double kPriorIntensityVariance = 0.15 * 0.15;
 constexpr double kPriorIntensityPoints = 10.0;
+constexpr double kBeamStep = 6e-3;  ///< of elevation [rad]: beams are at least 0.33 degrees apart
 
 int level_of(int slot) { return slot == 0 ? 2 : (slot < 9 ? 1 : 0); }
 
@@ -61,15 +63,23 @@ std::int64_t floor_of(double value) {
   return value < static_cast<double>(cut) ? cut - 1 : cut;
 }
 
+/// Of the sine of the elevation.
+std::uint64_t beam_bit(double sine) {
+  const double elevation = std::asin(std::clamp(sine, -1.0, 1.0));
+  const auto step = static_cast<std::uint64_t>((elevation + M_PI_2) / kBeamStep);
+  return std::uint64_t{1} << (step % 64);
+}
+
 }  // namespace
 
-/// A point with its intensity, the unit vector from the sensor to it, and what it moves by with the elevation
-/// of its beam.
+/// A point with its intensity, the unit vector from the sensor to it, what it moves by with the elevation of
+/// its beam, and that elevation (Cell::beams).
 struct VoxelMap::Sighting {
   Eigen::Vector3d point;
   float intensity;
   Eigen::Vector3d direction;
   Eigen::Vector3d lever;
+  std::uint64_t beam;
 
   void add_to(Cell* cell) const;
 };
@@ -77,6 +87,7 @@ struct VoxelMap::Sighting {
 /// Welford's update, exact for the mean and the scatter about it.
 void VoxelMap::Sighting::add_to(Cell* cell) const {
   ++cell->count;
+  cell->beams |= beam;
   cell->view += (direction - cell->view) / cell->count;
   cell->lever += (lever - cell->lever) / cell->count;
   const Eigen::Vector3d before = point - cell->mean;
@@ -161,8 +172,10 @@ void VoxelMap::insert(const std::vector<Eigen::Vector3d>& points, const std::vec
     }
     for (std::size_t k = 0; k < size; ++k) {
       const Eigen::Vector3d& point = points[first + k];
-      const Sighting sighting{point, intensities[first + k], (point - origin).normalized(),
-                              beam_motions(point - origin, spin_axis).col(1)};
+      const Eigen::Vector3d direction = (point - origin).normalized();
+      const Sighting sighting{point, intensities[first + k], direction,
+                              beam_motions(point - origin, spin_axis).col(1),
+                              beam_bit(direction.dot(spin_axis))};
       for (const int slot : addresses[k].slots) add(sighting, slot, &blocks[k]->cells[slot], &dirty);
     }
   }

@@ -113,6 +113,51 @@ INSTANTIATE_TEST_SUITE_P(Sampled, KnownAnswers,
                          testing::Values(Sampling{}, Sampling{15000, 800, 0.01}, Sampling{60000, 3000, 0.03},
                                          Sampling{20000, 1000, 0.03}));
 
+/// A level floor, 1.8 m below a sensor at rest whose beams are off in range, each by its own error.
+std::vector<Eigen::Vector3d> rings_on_floor(std::mt19937* generator, double error_m) {
+  constexpr double kHeight = 1.8;
+  std::mt19937 of_beams(5);
+  std::normal_distribution<double> error(0.0, error_m);
+  std::normal_distribution<double> noise(0.0, 0.01);
+  std::vector<Eigen::Vector3d> points;
+  for (int beam = 0; beam < 64; ++beam) {
+    const double elevation = (-8.0 - 0.5 * beam) * M_PI / 180.0;
+    const double range = kHeight / std::sin(-elevation) + error(of_beams);
+    for (int column = 0; column < 360; ++column) {
+      const double azimuth = column * M_PI / 180.0;
+      points.push_back((range + noise(*generator)) * Eigen::Vector3d(std::cos(elevation) * std::cos(azimuth),
+                                                                     std::cos(elevation) * std::sin(azimuth),
+                                                                     std::sin(elevation)));
+    }
+  }
+  return points;
+}
+
+TEST(Localizability, RingsOfBeamsThatAreOffHoldNobodyInPlace) {
+  std::mt19937 generator(11);
+  VoxelMap map{VoxelMapConfig()};
+  for (int scan = 0; scan < 20; ++scan) {
+    const auto points = rings_on_floor(&generator, 0.015);
+    map.insert(points, std::vector<float>(points.size(), 0.0F), Eigen::Isometry3d::Identity());
+  }
+  MatchInput input;
+  const auto points = rings_on_floor(&generator, 0.015);
+  for (std::size_t k = 0; k < points.size(); k += 5) input.planes.push_back(points[k]);
+  const auto weak_directions = [&](const Config& config) {
+    const LidarInformation information =
+        ScanMatcher(config).linearise(input, map, VoxelMap(VoxelMapConfig()), Eigen::Quaterniond::Identity(),
+                                      Eigen::Vector3d::Zero(), MatchSettings());
+    EXPECT_GT(information.planes, 1000U);
+    return weak_count(analyse_localizability(information, 1.0));
+  };
+  EXPECT_EQ(weak_directions(Config()), 3);
+  // To whoever knows of no errors of beams their rings are relief.
+  Config sure;
+  sure.mapping.range_bias_m = 0.0;
+  sure.mapping.beam_elevation_sigma_deg = 1e-4;
+  EXPECT_LT(weak_directions(sure), 3);
+}
+
 TEST(Localizability, NamesTheAxisOfACorridorAtAnAngle) {
   const double yaw_rad = M_PI / 4.0;
   const Localizability found = at_origin(corridor, Sampling(), yaw_rad);

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <bitset>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -27,6 +29,8 @@ struct Cell {
   /// Mean of what the points move by with the elevation of their beams (map frame) [m/rad].
   Eigen::Vector3d lever = Eigen::Vector3d::Zero();
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();  ///< sum of squared deviations from the mean
+  /// Elevations of the beams that the points come from, in steps of 6 mrad, as bits (modulo 64).
+  std::uint64_t beams = 0;
   float mean_intensity = 0.0F;
   std::uint32_t listed_at = 0;     ///< number of the newest insertion after which the axes are computed again
   double intensity_scatter = 0.0;  ///< sum of squared deviations from the mean intensity
@@ -36,6 +40,9 @@ struct Cell {
   /// map frame [1/m], and the variance that it leaves. Zero where no gradient stands out from its own error.
   Eigen::Vector3d intensity_gradient = Eigen::Vector3d::Zero();
   double intensity_variance = 0.0;
+
+  /// How many beams the points come from: those of one share its errors. At least 1.
+  double beam_count() const { return std::max<double>(1.0, std::bitset<64>(beams).count()); }
 };
 
 /// Things by number, in pieces: growing neither moves those that are there, which takes longer than a scan
