@@ -37,10 +37,10 @@ struct TrustInput {
 ///   s^2 = correlation_factor / sum(w) + point_variance / 16 + J D P D J',  D = diag(4, 4, 4, 2, 2, 2),
 /// and all planes of the patch get the trust 1 / (1 + m^2 / s^2)^2.
 ///
-/// So much for the minority that moves. Where more than a fifth of all planes would have a trust below 1/4, the
-/// prediction is suspect: the step d that the patches agree on is found by reweighted least squares, sum(w)
-/// trust(m + J d) on each, and where it leaves less than half as many below 1/4, the trust is that about
-/// m + J d.
+/// So much for the minority that moves. Where more than a fifth of all planes would have a trust below 1/4,
+/// the prediction is suspect: the step d that the patches agree on is found by reweighted least squares,
+/// sum(w) trust(m + J d) on each, and where it leaves less than half as many below 1/4, the trust is that
+/// about m + J d.
 std::vector<float> trust_planes(const std::vector<Eigen::Vector3d>& planes, const PlaneMatches& matches,
                                 const TrustInput& input);
 
