@@ -126,10 +126,11 @@ class Conditions(unittest.TestCase):
     def test_beams_that_are_off_on_an_open_road(self):
         # A sensor that looks up by 15 degrees sees the road behind it steeply, where errors of range are relief.
         estimate, truth, _ = self.drive(
-            "highway", 25, "lidar.model=hdl64e", "world.cars=0", "world.relief=0.5", "lidar.start_azimuth=-150", "imu.rate=400",
-            "lidar.T_imu_lidar.rotation=[0,-0.130526192,0,0.991444861]", "lidar.T_imu_lidar.translation=[0.06,-0.26,0.06]",
-            "imu.gyro_noise=6e-4", "imu.accel_noise=6e-3", "imu.gyro_bias=0.015", "imu.accel_bias=0.15",
-            "motion.speed=14", "lidar.range_noise=0", seed=7)
+            "highway", 25, "lidar.model=hdl64e", "world.cars=0", "world.relief=0.5", "lidar.start_azimuth=-150",
+            "lidar.T_imu_lidar.rotation=[0,-0.130526192,0,0.991444861]",
+            "lidar.T_imu_lidar.translation=[0.06,-0.26,0.06]", "imu.rate=400", "imu.gyro_noise=6e-4",
+            "imu.accel_noise=6e-3", "imu.gyro_bias=0.015", "imu.accel_bias=0.15", "motion.speed=14",
+            "lidar.range_noise=0", seed=7)
         self.assertLess(ate_rmse(estimate, truth), 1.0)
 
 
