@@ -2,6 +2,7 @@
 
 #include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
+#include "fdi_lio/imu/propagation.hpp"
 
 namespace fdi_lio::imu {
 
@@ -22,6 +23,15 @@ std::optional<Preintegration> preintegrate_scan_interval(const ImuBuffer& imu,
   result.lidar_time_offset_s = offset_s;
   result.recent = recent;
   return result;
+}
+
+NavState carried_on(const ImuBuffer& imu, const NavState& state, Stamp to, const Config& config) {
+  if (state.imu_status == ImuStatus::kInitialised) {
+    const auto interval = preintegrate_scan_interval(imu, state, std::nullopt, to, config);
+    if (interval && interval->sample_count > 0 && interval->from == state.stamp)
+      return predict(state, *interval);
+  }
+  return coast(state, to);
 }
 
 }  // namespace fdi_lio::imu

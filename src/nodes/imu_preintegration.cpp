@@ -4,6 +4,7 @@
 
 #include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/scan_interval.hpp"
+#include "fdi_lio/odometry/estimate_result.hpp"
 #include "fdi_lio/ros/conversions.hpp"
 #include "fdi_lio/ros/message_conversions.hpp"
 #include "fdi_lio/ros/odometry_message.hpp"
@@ -94,8 +95,13 @@ bool ImuPreintegration::answer_front() {
   if (preintegration) message = ros_bridge::to_message(*preintegration, config().frames.imu);
   message->header.stamp = scans_.front()->header.stamp;
   message->header.frame_id = config().frames.imu;
-  message->has_state = state_message_ != nullptr;
-  if (state_message_) message->state = *state_message_;
+  // Not of long ago, which says nothing about where the robot is now.
+  message->has_state = state_ && state_->stamp < stamp && !is_jump(state_->stamp, stamp);
+  if (message->has_state) {
+    odometry::EstimateResult carried;
+    carried.state = imu::carried_on(*imu_, *state_, stamp, config());
+    message->state = *ros_bridge::to_state_message(carried, stamp, config().frames.odom, config().frames.imu);
+  }
   preintegration_publisher_.publish(message);
   previous_scan_ = stamp;
   // Mapping that is late estimates this scan before the next; mapping that was away has its last estimate.

@@ -11,7 +11,6 @@
 #include "fdi_lio/common/error.hpp"
 #include "fdi_lio/common/stamp_guard.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
-#include "fdi_lio/imu/propagation.hpp"
 #include "fdi_lio/ros/conversions.hpp"
 #include "fdi_lio/ros/message_conversions.hpp"
 #include "fdi_lio/ros/odometry_message.hpp"
@@ -22,6 +21,9 @@ namespace {
 
 /// How long `reset` waits for a scan to begin anew with.
 constexpr double kResetTimeoutS = 5.0;
+/// How much longer than usual the first estimate waits for the IMU's node, which on a busy machine is heard
+/// later than the others.
+constexpr double kFirstAnswerS = 2.0;
 
 /// Says something that matters also at the end of the process, when the log is closed already.
 void tell(ros::console::levels::Level level, const std::string& text) {
@@ -202,16 +204,6 @@ bool MappingOptimization::prepare() {
   return true;
 }
 
-void MappingOptimization::resume(const PreintegratedImu& message) {
-  const imu::NavState before = ros_bridge::to_state(message.state);
-  const Stamp stamp = ros_bridge::to_stamp(message.header.stamp);
-  // A state from long ago says nothing about where the robot is now.
-  if (before.stamp >= stamp || is_jump(before.stamp, stamp)) return;
-  const bool has_imu = before.imu_status == imu::ImuStatus::kInitialised && imu_since_ &&
-                       imu_since_->sample_count > 0 && imu_since_->from == before.stamp;
-  estimator_->resume(has_imu ? imu::predict(before, *imu_since_) : imu::coast(before, stamp));
-}
-
 PreintegratedImuConstPtr MappingOptimization::take_preintegrated(const ros::Time& stamp) {
   PreintegratedImuConstPtr newest;
   while (!preintegrated_.empty() && preintegrated_.front()->header.stamp <= stamp) {
@@ -234,13 +226,14 @@ bool MappingOptimization::process_front() {
   const ros::Time ros_stamp = features_.front()->header.stamp;
   const Stamp stamp = ros_bridge::to_stamp(ros_stamp);
   const double waited_s = seconds_since(front_since_);
-  if (!imu_gate_->is_open(stamp, waited_s) || !degeneracy_gate_->is_open(stamp, waited_s)) return false;
+  // A node that was restarted is told by the IMU's node where it was: it is worth a longer wait to hear it.
+  const double imu_waited_s = estimator_->state() ? waited_s : waited_s - kFirstAnswerS;
+  if (!imu_gate_->is_open(stamp, imu_waited_s) || !degeneracy_gate_->is_open(stamp, waited_s)) return false;
   const FeaturesConstPtr features = features_.front();
   features_.pop_front();
   const PreintegratedImuConstPtr preintegrated = take_preintegrated(ros_stamp);
   const DegeneracyConstPtr degeneracy = take(&degeneracies_, ros_stamp);
-  // A node that was restarted may hear of scans before it hears what the IMU's node says of them. It must not
-  // begin with one of those: where it was before its restart comes with the answer.
+  // Nor may it begin with a scan of which the IMU's node spoke before it was heard.
   const bool is_before_answers = !preintegrated && !estimator_->state() && imu_gate_->has_answered(stamp);
   if (!is_before_answers) process(*features, preintegrated, degeneracy);
   // What came for the next while this one was worked on has not been read yet: its wait begins now.
@@ -252,7 +245,8 @@ void MappingOptimization::process(const Features& features, const PreintegratedI
                                   const DegeneracyConstPtr& degeneracy) {
   const Stamp stamp = ros_bridge::to_stamp(features.header.stamp);
   try {
-    if (preintegrated && preintegrated->has_state && !estimator_->state()) resume(*preintegrated);
+    if (preintegrated && preintegrated->has_state && !estimator_->state())
+      estimator_->resume(ros_bridge::to_state(preintegrated->state));
     pipeline::ScanOutput output;
     output.features = ros_bridge::to_features(features);
     if (degeneracy) output.degeneracy = ros_bridge::to_degeneracy(*degeneracy);

@@ -57,7 +57,6 @@ class MappingOptimization : public NodeBase {
   void end_recording();
   void begin_anew(Stamp stamp, const std::string& reason);
   void begin_localising();
-  void resume(const PreintegratedImu& message);
   void publish(const pipeline::ScanOutput& output, const std::string& lidar_frame);
   void publish_maps();
 

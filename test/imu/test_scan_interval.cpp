@@ -1,3 +1,4 @@
+#include "synthetic_motion.hpp"
 #include <gtest/gtest.h>
 
 #include "fdi_lio/common/reporter.hpp"
@@ -52,6 +53,32 @@ TEST_F(ScanInterval, BeginsAtTheScanBeforeWhenItsEstimateIsStillToCome) {
   EXPECT_EQ(imu->gyro_bias, state.gyro_bias);
   EXPECT_FALSE(preintegrate_scan_interval(ImuBuffer(config_.sensor, &reporter_), state, unanswered,
                                           2100 * kMs, config_));
+}
+
+TEST_F(ScanInterval, AStateIsCarriedOnByTheReadings) {
+  const SyntheticMotion motion;
+  ImuBuffer imu(config_.sensor, &reporter_);
+  for (const ImuSample& sample : motion.samples(0.0, 5.0, 200.0)) imu.add(sample);
+  const NavState after = motion.state(4.0);
+  const NavState carried = carried_on(imu, motion.state(1.0), after.stamp, config_);
+  EXPECT_EQ(carried.stamp, after.stamp);
+  EXPECT_LT((carried.t_odom_imu - after.t_odom_imu).norm(), 0.01);
+  EXPECT_LT((carried.v_odom - after.v_odom).norm(), 0.01);
+  EXPECT_LT(carried.q_odom_imu.angularDistance(after.q_odom_imu), 1e-3);
+}
+
+TEST_F(ScanInterval, WithoutReadingsOrAnInitialisedImuAStateGoesOnAsItMoves) {
+  const SyntheticMotion motion;
+  NavState state = motion.state(1.0);
+  const Stamp to = add_seconds(state.stamp, 0.5);
+  const Eigen::Vector3d straight = state.t_odom_imu + 0.5 * state.v_odom;
+  EXPECT_LT(
+      (carried_on(ImuBuffer(config_.sensor, &reporter_), state, to, config_).t_odom_imu - straight).norm(),
+      1e-9);
+  ImuBuffer imu(config_.sensor, &reporter_);
+  for (const ImuSample& sample : motion.samples(0.0, 5.0, 200.0)) imu.add(sample);
+  state.imu_status = ImuStatus::kInitialising;
+  EXPECT_LT((carried_on(imu, state, to, config_).t_odom_imu - straight).norm(), 1e-9);
 }
 
 }  // namespace

@@ -87,6 +87,31 @@ TEST(VoxelMap, ViewAndLeverAreMeansOfWhatTheSensorSaw) {
   EXPECT_LT((cell->lever - levers / cell->count).norm(), 1e-7);
 }
 
+/// Three rings in one cell, a degree apart: as many beams however often they are seen, and three more
+/// from farther away.
+TEST(VoxelMap, BeamsAreCountedOnce) {
+  VoxelMap map(VoxelMapConfig{});
+  const auto insert_rings = [&map](double origin_x) {
+    std::vector<Eigen::Vector3d> points;
+    for (int k = 0; k < 30; ++k) {
+      const double elevation = (-17.0 - k % 3) * M_PI / 180.0;
+      const double azimuth = 0.002 * k;
+      points.emplace_back(4.2 * std::cos(azimuth), 4.2 * std::sin(azimuth), 4.2 * std::tan(elevation));
+    }
+    const Eigen::Isometry3d T_map_lidar(Eigen::Translation3d(origin_x, 0.0, 0.0));
+    map.insert(points, std::vector<float>(points.size(), 1.0F), T_map_lidar);
+  };
+  const Eigen::Vector3d center(4.2, 0.1, 4.2 * std::tan(-18.0 * M_PI / 180.0));
+  insert_rings(0.0);
+  ASSERT_NE(map.find_plane(center, false), nullptr);
+  EXPECT_EQ(map.find_plane(center, false)->beam_count(), 3.0);
+  for (int scan = 0; scan < 5; ++scan) insert_rings(0.0);
+  EXPECT_EQ(map.find_plane(center, false)->beam_count(), 3.0);
+  insert_rings(-4.0);
+  EXPECT_EQ(map.find_plane(center, false)->beam_count(), 6.0);
+  EXPECT_EQ(Cell().beam_count(), 1.0);
+}
+
 TEST(VoxelMap, SparsePointsAreFoundOnACoarserLevel) {
   VoxelMap map(VoxelMapConfig{});
   std::vector<Eigen::Vector3d> grid;

@@ -68,8 +68,16 @@ class Launch:
         return self.log.read_text(encoding="utf-8")
 
     def pid_of(self, node):
+        """Nothing while the node does not run."""
         info = self.run("rosnode", "info", f"/fdi_lio/{node}").stdout
-        return int(re.search(r"^Pid: (\d+)", info, re.MULTILINE)[1])
+        found = re.search(r"^Pid: (\d+)", info, re.MULTILINE)
+        return int(found[1]) if found else None
+
+    def wait_for_restart(self, node, pid_before, timeout_s=60):
+        deadline = time.monotonic() + timeout_s
+        while self.pid_of(node) in (None, pid_before):
+            if time.monotonic() > deadline:
+                raise AssertionError(f"{node} was not started again\n{self.text()}")
 
     def wait_for_topic(self, topic, message_count=1, timeout_s=60):
         done = subprocess.run(["timeout", str(timeout_s), "rostopic", "echo", "-n", str(message_count), topic],

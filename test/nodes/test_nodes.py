@@ -88,6 +88,21 @@ class Nodes(Recording):
                 self.assertGreater(len(estimate), 10 * (DURATION_S - 5))
                 self.expect_same_way(estimate, truth)
 
+    def test_a_restarted_mapping_node_hears_late_where_it_was(self):
+        truth = read_tum(self.path / "street.tum")
+        launch = self.play("late")
+        launch.wait_for_topic("/fdi_lio/odometry/lidar/header", 60)
+        imu_pid, before = launch.pid_of("imu_preintegration"), launch.pid_of("mapping_optimization")
+        os.kill(imu_pid, signal.SIGSTOP)
+        os.kill(before, signal.SIGINT)
+        launch.wait_for_restart("mapping_optimization", before)
+        time.sleep(1.0)  # several times nodes.answer_timeout
+        os.kill(imu_pid, signal.SIGCONT)
+        text = launch.wait()
+        self.assertIn("goes on from the newest estimate", text)
+        parts = [read_tum(self.path / part / "trajectory.tum") for part in ("late", "late_2")]
+        self.expect_same_way(np.vstack(parts), truth)
+
     def test_a_mapping_node_that_hangs_catches_up_and_misses_no_reading(self):
         truth = read_tum(self.path / "street.tum")
         launch = self.play("hang")

@@ -18,4 +18,8 @@ std::optional<Preintegration> preintegrate_scan_interval(const ImuBuffer& imu,
                                                          const std::optional<Stamp>& unanswered, Stamp to,
                                                          const Config& config);
 
+/// `state`, not newer than `to`, carried on to there by the readings, or with constant velocity where there
+/// are none or the IMU is not initialised.
+NavState carried_on(const ImuBuffer& imu, const NavState& state, Stamp to, const Config& config);
+
 }  // namespace fdi_lio::imu

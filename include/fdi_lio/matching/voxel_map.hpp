@@ -29,7 +29,8 @@ struct Cell {
   /// Mean of what the points move by with the elevation of their beams (map frame) [m/rad].
   Eigen::Vector3d lever = Eigen::Vector3d::Zero();
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();  ///< sum of squared deviations from the mean
-  /// Elevations of the beams that the points come from, in steps of 6 mrad, as bits (modulo 64).
+  /// Elevations that the points were seen at from the sensor's place at the stamp, in steps of 6 mrad, as
+  /// bits (modulo 64): at rest the beams that they come from.
   std::uint64_t beams = 0;
   float mean_intensity = 0.0F;
   std::uint32_t listed_at = 0;     ///< number of the newest insertion after which the axes are computed again
