@@ -284,9 +284,15 @@ BrightnessMotion find_brightness_motion(std::vector<BrightScan> scans, const Kno
     for (const Hypothesis& other : best) {
       if (!is_same(one.velocity, other.velocity)) lead = std::min(lead, ballot.votes(one.fits, other.fits));
     }
-    if (lead > motion.lead) motion = {one.velocity, lead, is_same(one.velocity, known_velocity)};
+    if (lead <= motion.lead) continue;
+    motion.velocity = one.velocity;
+    motion.lead = lead;
+    motion.is_known = is_same(one.velocity, known_velocity);
   }
   motion.velocity = refined(lanes, motion.velocity, competition);
+  DetailCells cells;
+  motion.lead_over_known = ballot.votes(cells.fits(lanes, motion.velocity, kFine.farthest),
+                                        cells.fits(lanes, known_velocity, kFine.farthest));
   return motion;
 }
 

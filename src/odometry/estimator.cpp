@@ -4,6 +4,7 @@
 #include <sstream>
 #include <utility>
 
+#include "fdi_lio/imu/initialisation.hpp"
 #include "fdi_lio/odometry/imu_start.hpp"
 #include "fdi_lio/odometry/scan_estimator.hpp"
 
@@ -26,9 +27,9 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
   input.imu = imu;
   if (const auto before = state()) input.v_deskew = before->v_odom;
   if (!review_) return scans_->add(std::move(input), false);
-  std::optional<EstimateResult> result = scans_->add(input, true);
+  std::optional<EstimateResult> result =
+      stands_upright(input) ? add_to_review(std::move(input)) : begin_upright(std::move(input));
   if (!result) return result;
-  review_->add(std::move(input), result->state, result->position_information());
   const bool is_initialised = result->state.imu_status == imu::ImuStatus::kInitialised;
   const std::optional<MovingStart> motion =
       is_initialised ? scans_->aligned_start() : review_->find_motion(scans_->has_found_motion());
@@ -36,6 +37,46 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
   const bool is_late = review_->inputs().size() > ImuStart::most_intervals(config_.imu);
   const bool awaits_alignment = imu && !is_late;
   if (motion || is_initialised || (review_->is_over() && !awaits_alignment)) review_.reset();
+  return result;
+}
+
+std::optional<EstimateResult> Estimator::add_to_review(EstimatorInput input) {
+  std::optional<EstimateResult> result = scans_->add(input, true);
+  if (result) review_->add(std::move(input), result->state, result->position_information());
+  return result;
+}
+
+/// False where `input` has the first readings, and scans came before them: `odom` is as the IMU was mounted.
+bool Estimator::stands_upright(const EstimatorInput& input) const {
+  const bool has_readings = input.imu && input.imu->recent.count > 0;
+  if (!has_readings || review_->inputs().empty()) return true;
+  const std::optional<imu::Preintegration>& first = review_->inputs().front().imu;
+  return first && first->recent.count > 0;
+}
+
+/// All scans since the start once more, the first one upright by the readings that have come since.
+std::optional<EstimateResult> Estimator::begin_upright(EstimatorInput newest) {
+  std::vector<EstimatorInput> inputs = review_->inputs();
+  inputs.push_back(std::move(newest));
+  EstimatorInput& first = inputs.front();
+  if (!first.imu) {
+    first.imu.emplace();
+    first.imu->from = first.imu->to = first.features.stamp;
+  }
+  first.imu->recent = inputs.back().imu->recent;
+  const Eigen::Quaterniond q_odom_before = imu::level_orientation(first.imu->recent);
+  scans_ = std::make_unique<ScanEstimator>(config_, reporter_, timer_);
+  review_.emplace(config_);
+  std::optional<EstimateResult> result;
+  std::vector<imu::NavState> revised;
+  for (EstimatorInput& input : inputs) {
+    input.v_deskew = q_odom_before * input.v_deskew;
+    result = add_to_review(std::move(input));
+    if (result) revised.push_back(result->state);
+  }
+  if (!result) return result;
+  revised.pop_back();
+  result->revised = std::move(revised);
   return result;
 }
 

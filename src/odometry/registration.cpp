@@ -38,6 +38,7 @@ void Registration::add_directions(const matching::MatchInput& input, const match
   matching::remove_bias(geometric, information);
   matching::LidarInformation trusted = *information;
   matching::soften(geometric, &trusted);
+  alignment->trusted_information.surfaces = trusted.H.bottomRightCorner<3, 3>();
   if (!input.textures.empty()) {
     matching::LidarInformation textures =
         matcher_.linearise_textures(input, map.textures(), at.q_odom_imu, at.t_odom_imu, settings);
@@ -49,7 +50,7 @@ void Registration::add_directions(const matching::MatchInput& input, const match
   } else if (config_.soften_weak_directions && at.imu_status == imu::ImuStatus::kInitialised) {
     matching::soften(geometric, information);
   }
-  alignment->trusted_information = trusted.H.bottomRightCorner<3, 3>();
+  alignment->trusted_information.all = trusted.H.bottomRightCorner<3, 3>();
 }
 
 bool Registration::has_converged(const imu::NavState& before, const imu::NavState& after) const {

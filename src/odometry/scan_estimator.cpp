@@ -369,7 +369,7 @@ void ScanEstimator::watch_velocity(const FeatureSet& features, const Eigen::Vect
   smoother_.shift(correction->velocity, correction->acceleration);
   std::ostringstream text;
   text << std::fixed << std::setprecision(2)
-       << "neither surfaces nor textures hold the velocity: the brightness of what passes by corrects it, by "
+       << "surfaces do not hold the velocity: the brightness of what passes by corrects it, by "
        << correction->velocity.norm() << " m/s";
   reporter_->report(Severity::kInfo, "brightness_velocity", text.str());
 }

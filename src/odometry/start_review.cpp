@@ -22,6 +22,7 @@ constexpr double kAccelBiasSigma = 0.05;
 constexpr double kOpenShare = 0.1;
 constexpr double kSureLead = 2.0;         ///< in votes
 constexpr double kLeadOverWitness = 4.0;  ///< against surfaces that told another motion
+constexpr double kLeadOverScans = 8.0;    ///< against the first two scans, too
 /// By more than this share of the best score two scans contradict a motion: where the way is hardly seen
 /// (tunnels), the true one is worse than some other by up to 0.08.
 constexpr double kMostDisadvantage = 0.1;
@@ -47,21 +48,21 @@ void StartReview::add(EstimatorInput input, const imu::NavState& state,
     if (const auto normal = find_ground(input.features, R_odom_lidar)) {
       R_level_odom_ =
           Eigen::Quaterniond::FromTwoVectors(*normal, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-      is_steep_ = input.imu && is_steep(*normal, Eigen::Vector3d::UnitZ());
+      has_ground_ = true;
     }
   }
   if (has_imu) {
-    const double dt = input.imu->duration_s();
-    const Eigen::Vector3d g_odom = -config_.sensor.gravity_mps2 * up();
-    gained_m_ += dt * gained_mps_ + before * input.imu->delta_p + 0.5 * dt * dt * g_odom;
-    gained_mps_ += before * input.imu->delta_v + dt * g_odom;
+    felt_m_ += input.imu->duration_s() * felt_mps_ + before * input.imu->delta_p;
+    felt_mps_ += before * input.imu->delta_v;
+    felt_s_ += input.imu->duration_s();
   }
   const Eigen::Matrix3d R_level_imu = R_level_odom_ * q_odom_imu.toRotationMatrix();
   position_information_ += R_level_imu * position_information * R_level_imu.transpose();
   BrightScan scan = bright_scan(input.features, R_level_odom_ * R_odom_lidar, R_level_odom_ * input.v_deskew);
-  scan.gained_mps = R_level_odom_ * gained_mps_;
-  scan.gained_m = R_level_odom_ * gained_m_;
+  scan.gained_mps = R_level_odom_ * felt_mps_;
+  scan.gained_m = R_level_odom_ * felt_m_;
   scans_.push_back(std::move(scan));
+  felt_s_of_.push_back(felt_s_);
   inputs_.push_back(std::move(input));
 }
 
@@ -92,9 +93,23 @@ bool StartReview::is_contradicted(const Eigen::Vector3d& v_odom) const {
          motion->score - motion->score_predicted > kMostDisadvantage * motion->score;
 }
 
-/// `odom` stands upright by what the accelerometer felt at the first scan.
-Eigen::Vector3d StartReview::up() const {
-  return is_steep_ ? Eigen::Vector3d(R_level_odom_.transpose().col(2)) : Eigen::Vector3d::UnitZ();
+/// What the accelerometer felt over all scans: one of them may fall into a jerk.
+Eigen::Vector3d StartReview::felt_up() const {
+  return felt_s_ > 0.0 ? Eigen::Vector3d(felt_mps_.normalized()) : Eigen::Vector3d::UnitZ();
+}
+
+bool StartReview::is_ground_steep() const {
+  return has_ground_ && felt_s_ > 0.0 && is_steep(R_level_odom_.transpose().col(2), felt_up());
+}
+
+std::vector<BrightScan> StartReview::scans_without_gravity(const Eigen::Vector3d& up_odom) const {
+  const Eigen::Vector3d g_level = -config_.sensor.gravity_mps2 * (R_level_odom_ * up_odom);
+  std::vector<BrightScan> scans = scans_;
+  for (std::size_t k = 0; k < scans.size(); ++k) {
+    scans[k].gained_mps += felt_s_of_[k] * g_level;
+    scans[k].gained_m += 0.5 * felt_s_of_[k] * felt_s_of_[k] * g_level;
+  }
+  return scans;
 }
 
 std::optional<MovingStart> StartReview::find_motion(bool has_witness) {
@@ -103,18 +118,22 @@ std::optional<MovingStart> StartReview::find_motion(bool has_witness) {
   KnownMotion known;
   known.way = R_level_odom_ * (newest_t_odom_imu_ - first_t_odom_imu_);
   known.open_direction = open_direction();
-  const BrightnessMotion motion = find_brightness_motion(scans_, known);
+  const bool by_ground = is_ground_steep();
+  const Eigen::Vector3d up_odom = by_ground ? Eigen::Vector3d(R_level_odom_.transpose().col(2)) : felt_up();
+  const BrightnessMotion motion = find_brightness_motion(scans_without_gravity(up_odom), known);
   const bool is_sure = motion.lead >= (has_witness && !motion.is_known ? kLeadOverWitness : kSureLead);
+  const bool is_other = !motion.is_known || motion.lead_over_known >= kLeadOverWitness;
   MovingStart start;
   start.v_odom = R_level_odom_.transpose() * motion.velocity;
-  const bool is_refuted = is_sure && !motion.is_known && has_witness && is_contradicted(start.v_odom);
+  const bool is_refuted =
+      is_sure && is_other && has_witness && motion.lead < kLeadOverScans && is_contradicted(start.v_odom);
   is_over_ = (is_sure && !is_refuted) || scans_.size() >= kLastQuestion;
-  if (!is_sure || motion.is_known || is_refuted) return std::nullopt;
-  start.up_odom = up();
+  if (!is_sure || !is_other || is_refuted) return std::nullopt;
+  start.up_odom = up_odom;
   start.sigma.velocity = kVelocitySigma;
   start.sigma.gyro_bias = kGyroBiasSigma;
   start.sigma.accel_bias = kAccelBiasSigma;
-  start.sigma.gravity = is_steep_ ? kGroundGravitySigma : kCruisingGravitySigma;
+  start.sigma.gravity = by_ground ? kGroundGravitySigma : kCruisingGravitySigma;
   return start;
 }
 

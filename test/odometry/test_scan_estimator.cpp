@@ -135,6 +135,34 @@ TEST(Estimator, AnAlignmentInMotionEstimatesAllScansAnew) {
   }
 }
 
+/// The lidar's first scans may lie before the first reading: its data come later, or its driver started
+/// earlier.
+TEST(Estimator, ScansBeforeTheFirstReadingStandUprightInTheEnd) {
+  const Config config;
+  const Eigen::Quaterniond tilt(Eigen::AngleAxisd(0.4, Eigen::Vector3d(1.0, 2.0, 0.0).normalized()));
+  const Eigen::Vector3d felt = tilt * Eigen::Vector3d(0.0, 0.0, config.sensor.gravity_mps2);
+  imu::Preintegration none = steady_imu(0.0, felt);
+  none.sample_count = 0;
+  none.recent = imu::ImuStatistics();
+  for (const std::optional<imu::Preintegration>& before :
+       {std::optional<imu::Preintegration>(), std::optional(none)}) {
+    Reporter reporter;
+    Estimator estimator(config, &reporter);
+    const Street street;
+    std::optional<EstimateResult> result;
+    for (int k = 0; k < 3; ++k) {
+      const FeatureSet features = street.scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
+      result =
+          estimator.add(features, degeneracy::Degeneracy(), k < 2 ? before : steady_imu(kPeriod_s * k, felt));
+      ASSERT_TRUE(result);
+      EXPECT_EQ(result->revised.size(), k < 2 ? 0U : 2U);
+    }
+    for (const imu::NavState& state : {result->revised[0], result->revised[1], result->state}) {
+      EXPECT_LT((state.q_odom_imu * felt.normalized() - Eigen::Vector3d::UnitZ()).norm(), 0.01);
+    }
+  }
+}
+
 /// Gravity that lies across the ground by 8 degrees is not believed of what came before.
 TEST(Estimator, AnAlignmentThatTheGroundContradictsEstimatesNothingAnew) {
   const Config config;
@@ -203,7 +231,7 @@ TEST(ScanEstimator, OnABareRoadTheBrightnessTellsTheVelocity) {
   const Outcome unwatched = drive_on_a_bare_road(false);
   EXPECT_LT(watched.velocity.error, 0.3);
   EXPECT_GT(unwatched.velocity.error, 0.8);
-  EXPECT_GT(watched.velocity.variance - unwatched.velocity.variance, 0.01);
+  EXPECT_GT(watched.velocity.variance - unwatched.velocity.variance, 0.005);
   EXPECT_GT(watched.position.variance, unwatched.position.variance + 5.0);
   EXPECT_LT(watched.position.variance, 100.0);
   EXPECT_LT(watched.position.error * watched.position.error, 9.0 * watched.position.variance);

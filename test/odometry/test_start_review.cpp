@@ -24,12 +24,12 @@ std::vector<Point> posts(double way_m) {
   return points;
 }
 
-/// One more scan of a drive that was taken for a stand, `odom` tilted against the road by `tilt` about y. The
-/// IMU's axes are those of the road.
+/// One more scan of a drive that was taken for one with `taken_mps`, or a stand, `odom` tilted against the
+/// road by `tilt` about y. The IMU's axes are those of the road.
 void add_scan(const SyntheticRoad& road, int k, double speed_mps, double tilt, StartReview* review,
               double calm_s = ImuConfig().static_duration_s,
               const Eigen::Vector3d& information = Eigen::Vector3d::Zero(),
-              const std::vector<Point>& edges = {}) {
+              const std::vector<Point>& edges = {}, double taken_mps = 0.0) {
   EstimatorInput input;
   input.features = road.scan(SyntheticRoad::kPeriod_s * k, speed_mps, 0.0, static_cast<unsigned>(k));
   input.features.edges = edges;
@@ -44,6 +44,7 @@ void add_scan(const SyntheticRoad& road, int k, double speed_mps, double tilt, S
   imu::NavState state;
   state.stamp = input.features.stamp;
   state.q_odom_imu = Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitY());
+  state.t_odom_imu.x() = SyntheticRoad::kPeriod_s * k * taken_mps;
   review->add(std::move(input), state, information.asDiagonal());
 }
 
@@ -126,11 +127,12 @@ TEST(StartReview, WaitsWhileACalmImuMayYetSayThatTheSensorStands) {
   EXPECT_TRUE(review.find_motion(false));
 }
 
-/// A road's brightness may repeat itself, and a velocity at which it does may win.
+/// A road's brightness may repeat itself, and a velocity at which it does may win, but hardly by far.
 TEST(StartReview, DoesNotOverruleAWitnessAgainstWhatStandsBesideTheRoad) {
-  SyntheticRoad road;
-  road.with_traffic = false;
-  const auto review_of = [&road](double posts_mps, int scans) {
+  const auto review_of = [](double posts_mps, int scans, double roughness = 0.1) {
+    SyntheticRoad road;
+    road.with_traffic = false;
+    road.roughness = roughness;
     StartReview review{Config()};
     for (int k = 0; k < scans; ++k) {
       add_scan(road, k, 22.0, 0.0, &review, ImuConfig().static_duration_s, Eigen::Vector3d::Zero(),
@@ -148,6 +150,37 @@ TEST(StartReview, DoesNotOverruleAWitnessAgainstWhatStandsBesideTheRoad) {
   StartReview last = review_of(40.0, 16);
   EXPECT_FALSE(last.find_motion(true));
   EXPECT_TRUE(last.is_over());
+  EXPECT_TRUE(review_of(40.0, 8, 0.6).find_motion(true));
+}
+
+/// Where the first two scans told a wrong motion, what follows may hold on to one between it and the truth.
+TEST(StartReview, CorrectsAVelocityThatIsWrongByLittle) {
+  for (const double taken_mps : {20.0, 22.0}) {
+    StartReview review{Config()};
+    for (int k = 0; k < 8; ++k) {
+      add_scan(SyntheticRoad(), k, 22.0, 0.0, &review, ImuConfig().static_duration_s, Eigen::Vector3d::Zero(),
+               {}, taken_mps);
+    }
+    const auto start = review.find_motion(true);
+    ASSERT_EQ(start.has_value(), taken_mps < 21.0);
+    EXPECT_TRUE(review.is_over());
+    if (start) {
+      EXPECT_NEAR(start->v_odom.x(), 22.0, 0.5);
+    }
+  }
+}
+
+/// The first scan falls into a jerk: by its readings the ground would be level.
+TEST(StartReview, StandsUprightByWhatWasFeltOverAllScans) {
+  SyntheticRoad road;
+  road.acceleration_mps2 = 2.0;
+  StartReview review{Config()};
+  for (int k = 0; k < 8; ++k) add_scan(road, k, 15.0, 0.0, &review);
+  const auto start = review.find_motion(false);
+  ASSERT_TRUE(start);
+  EXPECT_GT(start->up_odom.z(), std::cos(0.02));
+  EXPECT_GT(start->sigma.gravity, 0.4);
+  EXPECT_NEAR(start->v_odom.x(), 15.0, 0.5);
 }
 
 TEST(StartReview, IsOverWhenTheScansSayNothing) {

@@ -14,7 +14,8 @@ struct BrightnessMotion {
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  ///< [m/s]
   /// By so many votes, see below, it explains the scans better than any that differs by more than 3 m/s.
   double lead = 0.0;
-  bool is_known = true;  ///< it differs from what was estimated by at most 3 m/s
+  bool is_known = true;          ///< it differs from what was estimated by at most 3 m/s
+  double lead_over_known = 0.0;  ///< votes for it over just what was estimated
 };
 
 /// What registrations of the scans have found.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/odometry/bright_scan.hpp"
+#include "fdi_lio/odometry/trusted_information.hpp"
 
 namespace fdi_lio::odometry {
 
@@ -21,6 +23,9 @@ namespace fdi_lio::odometry {
 /// they are more than noise. While dv is doubtful, the brightness of each 16 scans is asked for it
 /// (`find_brightness_offset`), and the answer corrects dv and da with the gains of a Kalman filter. The
 /// position, which the map holds where it is, keeps its error.
+///
+/// Where textures alone hold dv, they may confirm a wrong one as well: there brightness is asked now and then
+/// all the same, and when it refutes dv it corrects it, and for some seconds textures count for nothing.
 class BrightnessWatch {
  public:
   explicit BrightnessWatch(const Eigen::Isometry3d& T_imu_lidar) : R_imu_lidar_(T_imu_lidar.linear()) {}
@@ -31,9 +36,9 @@ class BrightnessWatch {
   };
 
   /// A scan, deskewed with `v_deskew` (odom axes), what was estimated for it, and what can be trusted of what
-  /// tells its position (odom axes, [1/m^2]). Returns a correction after 16 scans with a doubtful velocity.
+  /// tells its position. Returns a correction after 16 scans with a doubtful, or a refuted velocity.
   std::optional<Correction> add(const FeatureSet& features, const Eigen::Vector3d& v_deskew,
-                                const imu::NavState& state, const Eigen::Matrix3d& trusted_information);
+                                const imu::NavState& state, const TrustedInformation& information);
 
   /// The estimate begins anew, with what is known (standard deviations) of its velocity [m/s] and of what is
   /// taken for gravity [m/s^2]; at least 0.05 and 0.1 are assumed.
@@ -47,8 +52,10 @@ class BrightnessWatch {
 
  private:
   Eigen::Vector2d measure(double variance);
-  void advance(const imu::NavState& state, const Eigen::Matrix3d& trusted_information);
-  Correction ask();
+  void advance(const imu::NavState& state, const TrustedInformation& information);
+  bool is_to_be_tested(const TrustedInformation& information);
+  std::optional<Correction> ask();
+  bool is_doubtful() const;
   void forget_scans();
 
   Eigen::Matrix3d R_imu_lidar_;
@@ -56,6 +63,10 @@ class BrightnessWatch {
   Eigen::Matrix3d position_covariance_ = Eigen::Matrix3d::Zero();  ///< sum of what came to P_pp, ahead
   Eigen::Vector3d ahead_ = Eigen::Vector3d::Zero();                ///< of the newest scan, a unit vector
   std::optional<Stamp> newest_;
+  std::size_t agreeing_tests_ = 0;  ///< in a row
+  std::size_t pause_ = 0;           ///< between tests, in scans
+  std::size_t scans_since_test_ = 0;
+  double distrust_s_ = 0.0;  ///< for so long textures count for nothing
   std::vector<BrightScan> scans_;
   std::vector<imu::NavState> states_;  ///< of `scans_`
 };

@@ -48,6 +48,9 @@ class Estimator {
   void reset();
 
  private:
+  std::optional<EstimateResult> add_to_review(EstimatorInput input);
+  bool stands_upright(const EstimatorInput& input) const;
+  std::optional<EstimateResult> begin_upright(EstimatorInput newest);
   EstimateResult begin_moving(const MovingStart& motion);
 
   Config config_;

@@ -14,6 +14,7 @@
 #include "fdi_lio/matching/scan_matcher.hpp"
 #include "fdi_lio/odometry/adaptation.hpp"
 #include "fdi_lio/odometry/smoother.hpp"
+#include "fdi_lio/odometry/trusted_information.hpp"
 
 namespace fdi_lio::odometry {
 
@@ -24,8 +25,7 @@ struct Alignment {
   /// Information along each of the status's axes, and what the noise alone would give [1/m^2].
   Eigen::Matrix<double, 6, 1> axis_information = Eigen::Matrix<double, 6, 1>::Zero();
   Eigen::Matrix<double, 6, 1> axis_noise = Eigen::Matrix<double, 6, 1>::Zero();
-  /// Of the position (odom axes, [1/m^2]): of surfaces, as far as it is more than noise gives, and textures.
-  Eigen::Matrix3d trusted_information = Eigen::Matrix3d::Zero();
+  TrustedInformation trusted_information;
   bool is_healthy = true;  ///< false: no match was possible, or the solver failed
 };
 

@@ -106,8 +106,8 @@ class ScanEstimator {
   BeamCorrection beams_;
   BrightnessWatch brightness_;
   ShockGuard shock_guard_;
-  Eigen::Matrix3d trusted_information_ = Eigen::Matrix3d::Zero();  ///< Alignment's, of the newest scan
-  std::optional<FeatureSet> first_;  ///< the first scan, until the second has come
+  TrustedInformation trusted_information_;  ///< Alignment's, of the newest scan
+  std::optional<FeatureSet> first_;         ///< the first scan, until the second has come
   /// About the first scan, in odom; only where nothing but an alignment in motion tells which way is up.
   std::optional<Eigen::Vector3d> ground_normal_;
   bool has_found_motion_ = false;

@@ -42,18 +42,24 @@ class StartReview {
  private:
   bool may_stand() const;
   bool is_contradicted(const Eigen::Vector3d& v_odom) const;
-  Eigen::Vector3d up() const;
+  Eigen::Vector3d felt_up() const;
+  bool is_ground_steep() const;
+  std::vector<BrightScan> scans_without_gravity(const Eigen::Vector3d& up_odom) const;
   std::optional<Eigen::Vector3d> open_direction() const;
 
   Config config_;
   Eigen::Isometry3d T_imu_lidar_;
   Eigen::Matrix3d R_level_odom_ = Eigen::Matrix3d::Identity();  ///< by the ground
-  Eigen::Vector3d gained_mps_ = Eigen::Vector3d::Zero();  ///< by the accelerometer since the first scan, odom
-  Eigen::Vector3d gained_m_ = Eigen::Vector3d::Zero();
+  bool has_ground_ = false;
+  /// What the accelerometer adds to the velocity and to the position since the first scan in so many seconds
+  /// (odom), gravity among it.
+  Eigen::Vector3d felt_mps_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d felt_m_ = Eigen::Vector3d::Zero();
+  double felt_s_ = 0.0;
   Eigen::Matrix3d position_information_ = Eigen::Matrix3d::Zero();  ///< of all scans, level axes
-  bool is_steep_ = false;  ///< the ground, against the accelerometer: `up` is by the ground
   std::vector<EstimatorInput> inputs_;
-  std::vector<BrightScan> scans_;
+  std::vector<BrightScan> scans_;               ///< what they gained has gravity in it
+  std::vector<double> felt_s_of_;               ///< of each
   std::vector<Eigen::Quaterniond> q_odom_imu_;  ///< of each, by the gyro alone
   Eigen::Vector3d first_t_odom_imu_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d newest_t_odom_imu_ = Eigen::Vector3d::Zero();
