@@ -21,11 +21,17 @@ constexpr double kAccelBiasSigma = 0.05;
 /// Information along a level direction that surfaces leave open, as a share of that across.
 constexpr double kOpenShare = 0.1;
 constexpr double kSureLead = 2.0;         ///< in votes
+constexpr double kLeastLead = 1.0;        ///< of one that the estimate loses to by kSureLead
 constexpr double kLeadOverWitness = 4.0;  ///< against surfaces that told another motion
 constexpr double kLeadOverScans = 8.0;    ///< against the first two scans, too
 /// By more than this share of the best score two scans contradict a motion: where the way is hardly seen
 /// (tunnels), the true one is worse than some other by up to 0.08.
 constexpr double kMostDisadvantage = 0.1;
+
+bool is_sure_of(const BrightnessMotion& motion, bool against_witness) {
+  if (against_witness) return motion.lead >= kLeadOverWitness;
+  return motion.lead >= kSureLead || (motion.lead >= kLeastLead && motion.lead_over_known >= kSureLead);
+}
 
 }  // namespace
 
@@ -121,8 +127,9 @@ std::optional<MovingStart> StartReview::find_motion(bool has_witness) {
   const bool by_ground = is_ground_steep();
   const Eigen::Vector3d up_odom = by_ground ? Eigen::Vector3d(R_level_odom_.transpose().col(2)) : felt_up();
   const BrightnessMotion motion = find_brightness_motion(scans_without_gravity(up_odom), known);
-  const bool is_sure = motion.lead >= (has_witness && !motion.is_known ? kLeadOverWitness : kSureLead);
-  const bool is_other = !motion.is_known || motion.lead_over_known >= kLeadOverWitness;
+  const bool is_sure = is_sure_of(motion, has_witness && !motion.is_known);
+  const bool is_other =
+      !motion.is_known || motion.lead_over_known >= (has_witness ? kLeadOverWitness : kSureLead);
   MovingStart start;
   start.v_odom = R_level_odom_.transpose() * motion.velocity;
   const bool is_refuted =
