@@ -28,9 +28,11 @@ constexpr double kLeadOverScans = 8.0;    ///< against the first two scans, too
 /// (tunnels), the true one is worse than some other by up to 0.08.
 constexpr double kMostDisadvantage = 0.1;
 
-bool is_sure_of(const BrightnessMotion& motion, bool against_witness) {
+/// With one direction open fewer compete, and none of them for what traffic does across.
+bool is_sure_of(const BrightnessMotion& motion, bool against_witness, bool has_open_direction) {
   if (against_witness) return motion.lead >= kLeadOverWitness;
-  return motion.lead >= kSureLead || (motion.lead >= kLeastLead && motion.lead_over_known >= kSureLead);
+  const bool is_likely = motion.lead >= kLeastLead && motion.lead_over_known >= kSureLead;
+  return motion.lead >= kSureLead || (has_open_direction && is_likely);
 }
 
 }  // namespace
@@ -127,7 +129,7 @@ std::optional<MovingStart> StartReview::find_motion(bool has_witness) {
   const bool by_ground = is_ground_steep();
   const Eigen::Vector3d up_odom = by_ground ? Eigen::Vector3d(R_level_odom_.transpose().col(2)) : felt_up();
   const BrightnessMotion motion = find_brightness_motion(scans_without_gravity(up_odom), known);
-  const bool is_sure = is_sure_of(motion, has_witness && !motion.is_known);
+  const bool is_sure = is_sure_of(motion, has_witness && !motion.is_known, known.open_direction.has_value());
   const bool is_other =
       !motion.is_known || motion.lead_over_known >= (has_witness ? kLeadOverWitness : kSureLead);
   MovingStart start;
