@@ -133,6 +133,16 @@ class Conditions(unittest.TestCase):
             "lidar.range_noise=0", seed=7)
         self.assertLess(ate_rmse(estimate, truth), 1.0)
 
+    def test_a_start_that_gathers_speed_in_a_tunnel(self):
+        # The first two scans tell a wrong motion, and textures confirm it.
+        estimate, truth, _ = self.drive(
+            "tunnel", 12, "lidar.model=hdl64e", "lidar.start_azimuth=170", "lidar.latency=0.1", "imu.rate=500",
+            "imperfections.time_offset=0",
+            "lidar.T_imu_lidar.rotation=[-0.030843565,-0.030843565,0.706433772,-0.706433772]",
+            "lidar.T_imu_lidar.translation=[0.79,-0.2,0.02]", "imu.gyro_noise=2e-4", "imu.accel_noise=2e-3",
+            "imu.gyro_bias=0.003", "imu.accel_bias=0.03", "motion.speed=14", "motion.start_speed=7", seed=9)
+        self.assertLess(ate_rmse(estimate, truth), 2.0)
+
 
 if __name__ == "__main__":
     BIN, SOURCE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
