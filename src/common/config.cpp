@@ -228,7 +228,7 @@ void MappingConfig::visit(ParameterVisitor& v) {
           "leave weak directions to the IMU in scans without intensity features"},
          soften_weak_directions);
   v.flag({"mapping.watch_velocity", "",
-          "ask the brightness of the road for the velocity where neither surfaces nor textures hold it"},
+          "ask the brightness of the road for the velocity where surfaces do not hold it"},
          watch_velocity);
   v.real({"mapping.localizability_margin", "",
           "factor on the information that noise alone gives, which a direction must exceed to count as "

@@ -30,7 +30,7 @@ constexpr double kLeastInformation = 1e-6;  ///< about the position [1/m^2]: kee
 constexpr double kRefuting = 4.0;
 /// Tests of a velocity that textures alone hold follow each other without a pause until so many in a row have
 /// found nothing, then with pauses that grow [scans].
-constexpr std::size_t kFirstTests = 3;
+constexpr std::size_t kFirstTests = 4;
 constexpr std::size_t kPauseStep = 16;
 constexpr std::size_t kMostPause = 64;
 constexpr double kDistrust = 10.0;  ///< in textures that have confirmed a wrong velocity [s]
@@ -123,11 +123,10 @@ std::optional<BrightnessWatch::Correction> BrightnessWatch::ask() {
     position_covariance_ += (factor - 1.0) * covariance_(0, 0) * ahead * ahead.transpose();
     covariance_ *= factor;
   } else if (!is_doubtful()) {
-    if (++agreeing_tests_ > kFirstTests) pause_ = std::min(pause_ + kPauseStep, kMostPause);
+    if (++agreeing_tests_ >= kFirstTests) pause_ = std::min(pause_ + kPauseStep, kMostPause);
     return std::nullopt;
   }
   const Eigen::Vector2d gain = measure(offset.variance);
-
   return Correction{gain(0) * offset.mean_mps * ahead, gain(1) * offset.mean_mps * ahead};
 }
 

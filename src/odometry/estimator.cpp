@@ -27,36 +27,40 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
   input.imu = imu;
   if (const auto before = state()) input.v_deskew = before->v_odom;
   if (!review_) return scans_->add(std::move(input), false);
-  std::optional<EstimateResult> result =
-      stands_upright(input) ? add_to_review(std::move(input)) : begin_upright(std::move(input));
+  const std::optional<EstimateResult> result =
+      lies_after_first_reading(input) ? begin_upright(std::move(input)) : add_to_review(std::move(input));
   if (!result) return result;
   const bool is_initialised = result->state.imu_status == imu::ImuStatus::kInitialised;
   const std::optional<MovingStart> motion =
       is_initialised ? scans_->aligned_start() : review_->find_motion(scans_->has_found_motion());
-  if (motion) result = begin_moving(*motion);
+  if (motion) return begin_moving(*motion);
   const bool is_late = review_->inputs().size() > ImuStart::most_intervals(config_.imu);
   const bool awaits_alignment = imu && !is_late;
-  if (motion || is_initialised || (review_->is_over() && !awaits_alignment)) review_.reset();
+  if (is_initialised || (review_->is_over() && !awaits_alignment)) review_.reset();
   return result;
 }
 
+/// While the review lasts, it gets the scan as well.
 std::optional<EstimateResult> Estimator::add_to_review(EstimatorInput input) {
   std::optional<EstimateResult> result = scans_->add(input, true);
-  if (result) review_->add(std::move(input), result->state, result->position_information());
+  if (result && review_) review_->add(std::move(input), result->state, result->position_information());
   return result;
 }
 
-/// False where `input` has the first readings, and scans came before them: `odom` is as the IMU was mounted.
-bool Estimator::stands_upright(const EstimatorInput& input) const {
-  const bool has_readings = input.imu && input.imu->recent.count > 0;
-  if (!has_readings || review_->inputs().empty()) return true;
-  const std::optional<imu::Preintegration>& first = review_->inputs().front().imu;
-  return first && first->recent.count > 0;
+/// `input` has the first readings, and scans came before them: `odom` is as the IMU is mounted.
+bool Estimator::lies_after_first_reading(const EstimatorInput& input) const {
+  const auto has_readings = [](const EstimatorInput& one) { return one.imu && one.imu->recent.count > 0; };
+  const std::vector<EstimatorInput>& before = review_->inputs();
+  return has_readings(input) && !before.empty() && !has_readings(before.front()) &&
+         before.back().features.stamp < input.features.stamp;
 }
 
 /// All scans since the start once more, the first one upright by the readings that have come since.
-std::optional<EstimateResult> Estimator::begin_upright(EstimatorInput newest) {
+EstimateResult Estimator::begin_upright(EstimatorInput newest) {
   std::vector<EstimatorInput> inputs = review_->inputs();
+  reporter_->report(Severity::kInfo, "late_imu",
+                    "the first " + std::to_string(inputs.size()) +
+                        " scans came before the first IMU reading, and were estimated anew");
   inputs.push_back(std::move(newest));
   EstimatorInput& first = inputs.front();
   if (!first.imu) {
@@ -65,36 +69,37 @@ std::optional<EstimateResult> Estimator::begin_upright(EstimatorInput newest) {
   }
   first.imu->recent = inputs.back().imu->recent;
   const Eigen::Quaterniond q_odom_before = imu::level_orientation(first.imu->recent);
+  for (EstimatorInput& input : inputs) input.v_deskew = q_odom_before * input.v_deskew;
   scans_ = std::make_unique<ScanEstimator>(config_, reporter_, timer_);
   review_.emplace(config_);
-  std::optional<EstimateResult> result;
-  std::vector<imu::NavState> revised;
-  for (EstimatorInput& input : inputs) {
-    input.v_deskew = q_odom_before * input.v_deskew;
-    result = add_to_review(std::move(input));
-    if (result) revised.push_back(result->state);
-  }
-  if (!result) return result;
-  revised.pop_back();
-  result->revised = std::move(revised);
-  return result;
+  return add_again(std::move(inputs));
 }
 
-/// All scans since the start once more, now with its velocity.
+/// All scans since the start once more, now with its velocity, which ends the review.
 EstimateResult Estimator::begin_moving(const MovingStart& motion) {
+  std::vector<EstimatorInput> inputs = review_->inputs();
+  review_.reset();
   std::ostringstream text;
-  text << std::fixed << std::setprecision(1) << "the first " << review_->inputs().size()
+  text << std::fixed << std::setprecision(1) << "the first " << inputs.size()
        << " scans were estimated anew, started at about " << motion.v_odom.norm() << " m/s";
   reporter_->report(Severity::kInfo, "start_motion", text.str());
   scans_ = std::make_unique<ScanEstimator>(config_, reporter_, timer_);
   scans_->begin_moving(motion);
+  return add_again(std::move(inputs));
+}
+
+/// Scans that have been added before, one of which may have to be a keyframe now. Returns the newest.
+EstimateResult Estimator::add_again(std::vector<EstimatorInput> inputs) {
   EstimateResult result;
   std::vector<imu::NavState> revised;
-  for (const EstimatorInput& input : review_->inputs()) {
-    if (const auto again = scans_->add(input, true)) result = *again;
+  bool is_keyframe = false;
+  for (EstimatorInput& input : inputs) {
+    if (const auto again = add_to_review(std::move(input))) result = *again;
+    is_keyframe = is_keyframe || result.is_keyframe;
     revised.push_back(result.state);
   }
   revised.pop_back();
+  result.is_keyframe = is_keyframe;
   result.revised = std::move(revised);
   return result;
 }

@@ -156,6 +156,7 @@ TEST(Estimator, ScansBeforeTheFirstReadingStandUprightInTheEnd) {
           estimator.add(features, degeneracy::Degeneracy(), k < 2 ? before : steady_imu(kPeriod_s * k, felt));
       ASSERT_TRUE(result);
       EXPECT_EQ(result->revised.size(), k < 2 ? 0U : 2U);
+      EXPECT_EQ(reporter.has("late_imu"), k == 2);
     }
     for (const imu::NavState& state : {result->revised[0], result->revised[1], result->state}) {
       EXPECT_LT((state.q_odom_imu * felt.normalized() - Eigen::Vector3d::UnitZ()).norm(), 0.01);

@@ -28,8 +28,8 @@ struct EstimateResult {
   std::size_t matched_planes = 0;
   std::size_t matched_edges = 0;
   std::size_t matched_textures = 0;
-  /// States of earlier scans that were wrong: a start turned out to be in motion. In time order, mostly
-  /// empty.
+  /// States of earlier scans that were wrong: a start turned out to be in motion, or the first scans came
+  /// before the first reading. In time order, mostly empty.
   std::vector<imu::NavState> revised;
 
   /// Of the surfaces that were matched, about the position (IMU axes, [1/m^2]).

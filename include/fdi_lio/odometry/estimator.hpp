@@ -49,9 +49,10 @@ class Estimator {
 
  private:
   std::optional<EstimateResult> add_to_review(EstimatorInput input);
-  bool stands_upright(const EstimatorInput& input) const;
-  std::optional<EstimateResult> begin_upright(EstimatorInput newest);
+  bool lies_after_first_reading(const EstimatorInput& input) const;
+  EstimateResult begin_upright(EstimatorInput newest);
   EstimateResult begin_moving(const MovingStart& motion);
+  EstimateResult add_again(std::vector<EstimatorInput> inputs);
 
   Config config_;
   Reporter* reporter_;

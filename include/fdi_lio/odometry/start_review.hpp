@@ -29,9 +29,10 @@ class StartReview {
   /// The motion at the start, once the scans say that it was clearly another one than estimated. They are
   /// asked after 8 scans, or as soon as the IMU cannot find any more that the sensor stands, and after 16;
   /// the review is over when they are sure, or after the last. `has_witness`: surfaces that stand told the
-  /// estimated one from the first two scans alone; it then takes more to overrule it, and nothing slower
-  /// that those two scans contradict (`find_start_motion`) does. Upright is what the accelerometer says, or
-  /// the ground where that is steep against it (`is_steep`), for then the sensor gathers speed or brakes.
+  /// estimated one from the first two scans alone; it then takes more to overrule it, and most for what is
+  /// slower and contradicted by those two scans (`find_start_motion`). Upright is what the accelerometer says
+  /// over all scans, or the ground where that is steep against it (`is_steep`), for then the sensor gathers
+  /// speed or brakes.
   std::optional<MovingStart> find_motion(bool has_witness);
 
   bool is_over() const { return is_over_; }
