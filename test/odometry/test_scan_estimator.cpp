@@ -164,6 +164,35 @@ TEST(Estimator, ScansBeforeTheFirstReadingStandUprightInTheEnd) {
   }
 }
 
+/// What an IMU feels on a smooth drive is what it feels at rest. The scans tell which of them it is.
+TEST(Estimator, AnImuThatSeemsToStandIsBelievedOnlyIfTheScansSayTheSame) {
+  const Config config;
+  const Eigen::Vector3d felt(0.0, 0.0, config.sensor.gravity_mps2);
+  for (const double speed_mps : {0.0, 1.0, 8.0}) {
+    Reporter reporter;
+    Estimator estimator(config, &reporter);
+    for (int k = 0; k <= config.imu.moving_init_scans; ++k) {
+      const double time_s = kPeriod_s * k;
+      imu::Preintegration imu = steady_imu(time_s, felt);
+      imu.recent.acceleration_std = 0.01;
+      const std::optional<imu::NavState> before = estimator.state();
+      const double v_deskew = before ? before->v_odom.x() : 0.0;
+      const FeatureSet features =
+          Street().scan(time_s, speed_mps * time_s, speed_mps, v_deskew, static_cast<unsigned>(k + 1));
+      const auto result = estimator.add(features, degeneracy::Degeneracy(), imu);
+      ASSERT_TRUE(result);
+      if (k == 0) {
+        EXPECT_EQ(result->state.imu_status, imu::ImuStatus::kInitialised);
+      } else if (k == 1) {
+        EXPECT_EQ(result->state.imu_status == imu::ImuStatus::kInitialised, speed_mps == 0.0) << speed_mps;
+      }
+    }
+    const imu::NavState end = *estimator.state();
+    EXPECT_NEAR(end.v_odom.x(), speed_mps, 0.1);
+    EXPECT_NEAR(end.t_odom_imu.x(), speed_mps * kPeriod_s * config.imu.moving_init_scans, 0.1);
+  }
+}
+
 /// Gravity that lies across the ground by 8 degrees is not believed of what came before.
 TEST(Estimator, AnAlignmentThatTheGroundContradictsEstimatesNothingAnew) {
   const Config config;
