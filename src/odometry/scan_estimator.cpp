@@ -151,12 +151,12 @@ void ScanEstimator::predict(const FeatureSet& features, const std::optional<imu:
 void ScanEstimator::search_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
                                   FeatureSet* features) {
   const bool is_calm = imu && imu::is_calm(imu->recent, config_.imu);
-  const std::optional<Eigen::Vector3d> v_odom =
+  const std::optional<StartVelocity> found =
       start_velocity(first, before_, *features, smoother_.newest(), is_calm, T_imu_lidar_);
-  if (!v_odom) return;
-  has_found_motion_ = true;
+  if (!found) return;
+  has_found_motion_ = found->is_clear;
   if (rest_) forget_rest();
-  begin_with_velocity(*v_odom, first, imu, features);
+  begin_with_velocity(found->v_odom, first, imu, features);
 }
 
 /// An IMU that feels no more than at rest may move as well, smoothly. Nothing but the gyro predicts the

@@ -133,17 +133,20 @@ std::optional<StartMotion> find_start_motion(const FeatureSet& first,
                            turned(second, q_odom_imu_second * T_imu_lidar), predicted, kMaxSpeed * dt);
 }
 
-std::optional<Eigen::Vector3d> start_velocity(const FeatureSet& first, const imu::NavState& first_state,
-                                              const FeatureSet& second, const imu::NavState& predicted,
-                                              bool is_calm, const Eigen::Isometry3d& T_imu_lidar) {
+std::optional<StartVelocity> start_velocity(const FeatureSet& first, const imu::NavState& first_state,
+                                            const FeatureSet& second, const imu::NavState& predicted,
+                                            bool is_calm, const Eigen::Isometry3d& T_imu_lidar) {
   const Eigen::Vector3d step = predicted.t_odom_imu - first_state.t_odom_imu;
   const auto motion =
       find_start_motion(first, first_state.q_odom_imu, second, predicted.q_odom_imu, T_imu_lidar, step);
   if (!motion) return std::nullopt;
-  const bool is_another = is_calm && (motion->displacement - step).norm() >= kLeastCalmStep;
-  const double least = (is_another ? kMinCalmAdvantage : kMinAdvantage) * motion->score;
-  if (motion->score - motion->score_predicted < std::max(least, kMinDifference)) return std::nullopt;
-  return motion->displacement / seconds_between(first.stamp, second.stamp);
+  const double difference = motion->score - motion->score_predicted;
+  if (difference < kMinDifference) return std::nullopt;
+  const bool is_clear = difference >= kMinAdvantage * motion->score;
+  const bool is_no_rest = is_calm && (motion->displacement - step).norm() >= kLeastCalmStep &&
+                          difference >= kMinCalmAdvantage * motion->score;
+  if (!is_clear && !is_no_rest) return std::nullopt;
+  return StartVelocity{motion->displacement / seconds_between(first.stamp, second.stamp), is_clear};
 }
 
 FeatureSet moved_while_scanned(FeatureSet features, const imu::NavState& state,

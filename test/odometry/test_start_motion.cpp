@@ -94,9 +94,10 @@ TEST(StartMotion, AnImuThatIsCalmNeedsLess) {
   }
   const Eigen::Isometry3d T_imu_lidar = Eigen::Isometry3d::Identity();
   EXPECT_FALSE(start_velocity(first, state_at(0), second, state_at(kTenth), false, T_imu_lidar));
-  const auto v_odom = start_velocity(first, state_at(0), second, state_at(kTenth), true, T_imu_lidar);
-  ASSERT_TRUE(v_odom);
-  EXPECT_LT((*v_odom - step / 0.1).norm(), 4.0);
+  const auto found = start_velocity(first, state_at(0), second, state_at(kTenth), true, T_imu_lidar);
+  ASSERT_TRUE(found);
+  EXPECT_FALSE(found->is_clear);
+  EXPECT_LT((found->v_odom - step / 0.1).norm(), 4.0);
   FeatureSet again = first;
   again.stamp = kTenth;
   EXPECT_FALSE(start_velocity(first, state_at(0), again, state_at(kTenth), true, T_imu_lidar));
@@ -115,13 +116,14 @@ TEST(StartMotion, VelocityIsThatOfTheOdometryFrame) {
   const auto state = [&](const Eigen::Isometry3d& T_town_imu, Stamp stamp) {
     return state_at(stamp, Eigen::Quaterniond((T_odom_town * T_town_imu).linear()));
   };
-  const std::optional<Eigen::Vector3d> v_odom =
+  const std::optional<StartVelocity> found =
       start_velocity(scan(T_town_first, 1, 0), state(T_town_first, 0), scan(T_town_second, 2, kTenth),
                      state(T_town_second, kTenth), false, T_imu_lidar);
-  ASSERT_TRUE(v_odom);
+  ASSERT_TRUE(found);
+  EXPECT_TRUE(found->is_clear);
   const Eigen::Vector3d expected =
       T_odom_town.linear() * (T_town_second.translation() - T_town_first.translation()) / 0.1;
-  EXPECT_LT((*v_odom - expected).norm(), 4.0);
+  EXPECT_LT((found->v_odom - expected).norm(), 4.0);
   // Scans that do not follow each other, or after a gap, have none.
   EXPECT_FALSE(start_velocity(scan(T_town_first, 1, 0), state(T_town_first, 0),
                               scan(T_town_second, 2, 4 * kTenth), state(T_town_second, 4 * kTenth), false,

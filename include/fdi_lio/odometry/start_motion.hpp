@@ -36,13 +36,18 @@ std::optional<StartMotion> find_start_motion(const FeatureSet& first,
                                              const Eigen::Isometry3d& T_imu_lidar,
                                              const Eigen::Vector3d& predicted);
 
+struct StartVelocity {
+  Eigen::Vector3d v_odom = Eigen::Vector3d::Zero();  ///< [m/s]
+  bool is_clear = false;  ///< much better than the prediction, and not only than rest
+};
+
 /// The velocity in `odom` at a start in motion that explains the second scan, whose pose is `predicted`, much
 /// better than the prediction does; nothing when there is none, or the second comes later than 0.25 s. At
 /// most 45 m/s. With an IMU that `is_calm`, as at rest, a displacement other than predicted need not be as
 /// much better: a sensor that stands has none.
-std::optional<Eigen::Vector3d> start_velocity(const FeatureSet& first, const imu::NavState& first_state,
-                                              const FeatureSet& second, const imu::NavState& predicted,
-                                              bool is_calm, const Eigen::Isometry3d& T_imu_lidar);
+std::optional<StartVelocity> start_velocity(const FeatureSet& first, const imu::NavState& first_state,
+                                            const FeatureSet& second, const imu::NavState& predicted,
+                                            bool is_calm, const Eigen::Isometry3d& T_imu_lidar);
 
 /// Features of a scan that was deskewed as if the sensor had only turned, deskewed with the velocity of
 /// `state` (at the scan's stamp): p + v t, t the time of the point.
