@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 #include <Eigen/LU>
 
@@ -26,14 +27,17 @@ constexpr double kMemory = 1.6;
 /// Slower, what travels with the sensor is among the velocities that are compared, and would speak for rest.
 constexpr double kLeastSpeed = 6.0;
 constexpr double kLeastInformation = 1e-6;  ///< about the position [1/m^2]: keeps its inverse regular
-/// An offset whose square is more than so many times what was expected refutes the covariance.
+/// Surfaces that hold the velocity to less are beyond doubt [m/s].
+constexpr double kSureVelocity = 0.03;
+/// An offset whose square is more than so many times what was expected refutes the covariance; against
+/// surfaces, which mostly are right, a second one to the same side is needed, too.
 constexpr double kRefuting = 4.0;
-/// Tests of a velocity that textures alone hold follow each other without a pause until so many in a row have
-/// found nothing, then with pauses that grow [scans].
+constexpr double kRefutingSurfaces = 9.0;
+/// Questions in a row without a pause, and what the pauses grow by [scans].
 constexpr std::size_t kFirstTests = 4;
 constexpr std::size_t kPauseStep = 16;
 constexpr std::size_t kMostPause = 64;
-constexpr double kDistrust = 10.0;  ///< in textures that have confirmed a wrong velocity [s]
+constexpr double kDistrust = 10.0;  ///< in what has confirmed a wrong velocity [s]
 
 /// Of the position along `direction`, whatever it is across [1/m^2].
 double information_along(const Eigen::Vector3d& direction, const Eigen::Matrix3d& information) {
@@ -49,9 +53,23 @@ double velocity_variance(const Eigen::Vector3d& direction, const Eigen::Matrix3d
 
 }  // namespace
 
-void BrightnessWatch::forget_scans() {
-  scans_.clear();
-  states_.clear();
+void BrightnessWatch::Window::clear() {
+  scans.clear();
+  states.clear();
+}
+
+BrightnessOffset BrightnessWatch::Window::offset() {
+  const imu::NavState& first = states.front();
+  for (std::size_t k = 0; k < scans.size(); ++k) {
+    const double time_s = seconds_between(first.stamp, states[k].stamp);
+    scans[k].gained_mps = states[k].v_odom - first.v_odom;
+    scans[k].gained_m = states[k].t_odom_imu - first.t_odom_imu - time_s * first.v_odom;
+  }
+  return find_brightness_offset(scans, first.v_odom, first.v_odom.normalized());
+}
+
+void BrightnessWatch::Pace::agree() {
+  if (++agreeing >= kFirstTests) pause = std::min(pause + kPauseStep, kMostPause);
 }
 
 void BrightnessWatch::reset(double velocity_sigma, double gravity_sigma) {
@@ -59,21 +77,15 @@ void BrightnessWatch::reset(double velocity_sigma, double gravity_sigma) {
   const double acceleration = std::max(gravity_sigma, kAcceleration);
   covariance_ = Eigen::Vector3d(0.0, velocity * velocity, acceleration * acceleration).asDiagonal();
   newest_.reset();
-  agreeing_tests_ = 0;
-  pause_ = 0;
-  scans_since_test_ = 0;
+  pace_ = surfaces_pace_ = Pace();
+  suspected_mps_ = 0.0;
   distrust_s_ = 0.0;
-  forget_scans();
+  window_.clear();
+  surfaces_window_.clear();
 }
 
 bool BrightnessWatch::is_doubtful() const {
   return covariance_(1, 1) >= kDoubtfulVelocity * kDoubtfulVelocity;
-}
-
-/// Textures alone hold the velocity, and brightness was not asked for a while.
-bool BrightnessWatch::is_to_be_tested(const TrustedInformation& information) {
-  if (scans_since_test_++ < pause_) return false;
-  return velocity_variance(ahead_, information.surfaces) >= kDoubtfulVelocity * kDoubtfulVelocity;
 }
 
 /// What measures dv with this variance takes from P, where dp stays uncorrected. Returns the gains for dv
@@ -101,33 +113,72 @@ void BrightnessWatch::advance(const imu::NavState& state, const TrustedInformati
   newest_ = state.stamp;
   if (state.v_odom.isZero(0.0)) return;
   ahead_ = state.v_odom.normalized();
-  measure(velocity_variance(ahead_, distrust_s_ > 0.0 ? information.surfaces : information.all));
+  surfaces_variance_ = velocity_variance(ahead_, information.surfaces);
+  if (distrust_s_ <= 0.0) {
+    measure(velocity_variance(ahead_, information.all));
+  } else if (!distrusts_surfaces_) {
+    measure(surfaces_variance_);
+  }
+}
+
+bool BrightnessWatch::is_contradicted(const BrightnessOffset& offset, double times) const {
+  return offset.mean_mps * offset.mean_mps > times * (covariance_(1, 1) + offset.variance);
+}
+
+/// P is as large as the offset tells, which nothing but brightness makes smaller for a while.
+void BrightnessWatch::distrust(const BrightnessOffset& offset) {
+  distrust_s_ = kDistrust;
+  const double square = offset.mean_mps * offset.mean_mps;
+  const double factor = (square - offset.variance) / covariance_(1, 1);
+  position_covariance_ += (factor - 1.0) * covariance_(0, 0) * ahead_ * ahead_.transpose();
+  covariance_ *= factor;
+}
+
+BrightnessWatch::Correction BrightnessWatch::correct(const BrightnessOffset& offset,
+                                                     const Eigen::Vector3d& ahead) {
+  const Eigen::Vector2d gain = measure(offset.variance);
+  return {gain(0) * offset.mean_mps * ahead, gain(1) * offset.mean_mps * ahead};
 }
 
 /// No correction of a velocity that is neither doubtful nor refuted.
-std::optional<BrightnessWatch::Correction> BrightnessWatch::ask() {
-  const imu::NavState& first = states_.front();
-  for (std::size_t k = 0; k < scans_.size(); ++k) {
-    const double time_s = seconds_between(first.stamp, states_[k].stamp);
-    scans_[k].gained_mps = states_[k].v_odom - first.v_odom;
-    scans_[k].gained_m = states_[k].t_odom_imu - first.t_odom_imu - time_s * first.v_odom;
-  }
-  const Eigen::Vector3d ahead = first.v_odom.normalized();
-  const BrightnessOffset offset = find_brightness_offset(scans_, first.v_odom, ahead);
-  const double square = offset.mean_mps * offset.mean_mps;
-  if (square > kRefuting * (covariance_(1, 1) + offset.variance)) {
-    distrust_s_ = kDistrust;
-    agreeing_tests_ = 0;
-    pause_ = 0;
-    const double factor = (square - offset.variance) / covariance_(1, 1);
-    position_covariance_ += (factor - 1.0) * covariance_(0, 0) * ahead * ahead.transpose();
-    covariance_ *= factor;
+std::optional<BrightnessWatch::Correction> BrightnessWatch::ask_velocity() {
+  const Eigen::Vector3d ahead = window_.states.front().v_odom.normalized();
+  const BrightnessOffset offset = window_.offset();
+  window_.clear();
+  pace_.scans = 0;
+  if (is_contradicted(offset, kRefuting)) {
+    pace_ = Pace();
+    distrusts_surfaces_ = false;
+    distrust(offset);
   } else if (!is_doubtful()) {
-    if (++agreeing_tests_ >= kFirstTests) pause_ = std::min(pause_ + kPauseStep, kMostPause);
+    pace_.agree();
     return std::nullopt;
   }
-  const Eigen::Vector2d gain = measure(offset.variance);
-  return Correction{gain(0) * offset.mean_mps * ahead, gain(1) * offset.mean_mps * ahead};
+  return correct(offset, ahead);
+}
+
+std::optional<BrightnessWatch::Correction> BrightnessWatch::test_surfaces(const BrightScan& scan,
+                                                                          const imu::NavState& state) {
+  surfaces_window_.scans.push_back(scan);
+  surfaces_window_.states.push_back(state);
+  if (surfaces_window_.scans.size() < kScans) return std::nullopt;
+  const Eigen::Vector3d ahead = surfaces_window_.states.front().v_odom.normalized();
+  const BrightnessOffset offset = surfaces_window_.offset();
+  surfaces_window_.clear();
+  surfaces_pace_.scans = 0;
+  const double before_mps = std::exchange(suspected_mps_, 0.0);
+  if (!is_contradicted(offset, kRefutingSurfaces)) {
+    surfaces_pace_.agree();
+    return std::nullopt;
+  }
+  surfaces_pace_ = Pace();
+  if (before_mps * offset.mean_mps <= 0.0) {
+    suspected_mps_ = offset.mean_mps;
+    return std::nullopt;
+  }
+  distrusts_surfaces_ = true;
+  distrust(offset);
+  return correct(offset, ahead);
 }
 
 std::optional<BrightnessWatch::Correction> BrightnessWatch::add(const FeatureSet& features,
@@ -135,17 +186,23 @@ std::optional<BrightnessWatch::Correction> BrightnessWatch::add(const FeatureSet
                                                                 const imu::NavState& state,
                                                                 const TrustedInformation& information) {
   advance(state, information);
-  if (state.v_odom.norm() < kLeastSpeed || !(is_doubtful() || is_to_be_tested(information))) {
-    forget_scans();
-    return std::nullopt;
-  }
-  scans_.push_back(bright_scan(features, state.q_odom_imu * R_imu_lidar_, v_deskew));
-  states_.push_back(state);
-  if (scans_.size() < kScans) return std::nullopt;
-  const std::optional<Correction> correction = ask();
-  scans_since_test_ = 0;
-  forget_scans();
-  return correction;
+  const bool is_fast = state.v_odom.norm() >= kLeastSpeed;
+  const bool by_textures = surfaces_variance_ >= kDoubtfulVelocity * kDoubtfulVelocity;
+  const bool is_asked = is_fast && (is_doubtful() || (pace_.is_due() && by_textures));
+  const bool is_hardly_held =
+      is_fast && !is_doubtful() && surfaces_variance_ >= kSureVelocity * kSureVelocity;
+  const bool is_tested = is_hardly_held && surfaces_pace_.is_due();
+  if (!is_asked) window_.clear();
+  if (!is_tested) surfaces_window_.clear();
+  if (!is_asked && !is_tested) return std::nullopt;
+  BrightScan scan = bright_scan(features, state.q_odom_imu * R_imu_lidar_, v_deskew);
+  std::optional<Correction> correction;
+  if (is_tested) correction = test_surfaces(scan, state);
+  if (!is_asked) return correction;
+  window_.scans.push_back(std::move(scan));
+  window_.states.push_back(state);
+  if (correction || window_.scans.size() < kScans) return correction;
+  return ask_velocity();
 }
 
 }  // namespace fdi_lio::odometry

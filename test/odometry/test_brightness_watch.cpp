@@ -118,6 +118,29 @@ TEST(BrightnessWatch, RefutesWhatTexturesConfirm) {
   }
 }
 
+/// Beams that are off feign some hundredths of a metre per second; two answers in a row are needed.
+TEST(BrightnessWatch, RefutesWhatSurfacesHardlyHold) {
+  Drive drive(20.0, 0.3, 1000.0);
+  drive.state_.v_odom.x() -= 2.0;
+  drive.go_on(31);
+  EXPECT_LT(drive.stated_mps(), 0.1);
+  EXPECT_EQ(drive.corrections(), 0);
+  drive.go_on(1);
+  EXPECT_EQ(drive.corrections(), 1);
+  drive.go_on(20);
+  for (int part = 0; part < 5; ++part) {
+    drive.go_on(50);
+    EXPECT_LT(std::abs(drive.error_mps()), 0.8) << "after " << 5 * (part + 2) << " s";
+  }
+}
+
+TEST(BrightnessWatch, BelievesSurfacesThatHoldWell) {
+  Drive drive(20.0, 0.0, 1e5);
+  drive.state_.v_odom.x() -= 2.0;
+  drive.go_on(100);
+  EXPECT_EQ(drive.corrections(), 0);
+}
+
 TEST(BrightnessWatch, LeavesAloneWhatTexturesHold) {
   Drive drive(20.0, 0.0, 0.0, 1000.0);
   drive.go_on(200);

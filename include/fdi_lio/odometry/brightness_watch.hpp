@@ -10,6 +10,7 @@
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/odometry/bright_scan.hpp"
+#include "fdi_lio/odometry/brightness_motion.hpp"
 #include "fdi_lio/odometry/trusted_information.hpp"
 
 namespace fdi_lio::odometry {
@@ -26,6 +27,9 @@ namespace fdi_lio::odometry {
 ///
 /// Where textures alone hold dv, they may confirm a wrong one as well: there brightness is asked now and then
 /// all the same, and when it refutes dv it corrects it, and for some seconds textures count for nothing.
+/// Where surfaces hold dv, but to some hundredths only, the errors of beams may feign it, since they travel
+/// with the sensor: there two answers in a row must refute it, and for some seconds surfaces count for
+/// nothing, either.
 class BrightnessWatch {
  public:
   explicit BrightnessWatch(const Eigen::Isometry3d& T_imu_lidar) : R_imu_lidar_(T_imu_lidar.linear()) {}
@@ -51,24 +55,48 @@ class BrightnessWatch {
   Eigen::Matrix3d velocity_covariance() const { return covariance_(1, 1) * ahead_ * ahead_.transpose(); }
 
  private:
+  /// Scans that are asked together, and what was estimated for them.
+  struct Window {
+    std::vector<BrightScan> scans;
+    std::vector<imu::NavState> states;
+
+    void clear();
+    /// By how much the first velocity is off along itself.
+    BrightnessOffset offset();
+  };
+  /// Questions follow each other without a pause until some in a row have found nothing, then with longer
+  /// ones.
+  struct Pace {
+    std::size_t agreeing = 0;  ///< in a row
+    std::size_t pause = 0;     ///< between questions [scans]
+    std::size_t scans = 0;     ///< since the last
+
+    bool is_due() { return scans++ >= pause; }
+    void agree();
+  };
+
   Eigen::Vector2d measure(double variance);
   void advance(const imu::NavState& state, const TrustedInformation& information);
-  bool is_to_be_tested(const TrustedInformation& information);
-  std::optional<Correction> ask();
   bool is_doubtful() const;
-  void forget_scans();
+  bool is_contradicted(const BrightnessOffset& offset, double times) const;
+  std::optional<Correction> ask_velocity();
+  std::optional<Correction> test_surfaces(const BrightScan& scan, const imu::NavState& state);
+  void distrust(const BrightnessOffset& offset);
+  Correction correct(const BrightnessOffset& offset, const Eigen::Vector3d& ahead);
 
   Eigen::Matrix3d R_imu_lidar_;
   Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();           ///< P
   Eigen::Matrix3d position_covariance_ = Eigen::Matrix3d::Zero();  ///< sum of what came to P_pp, ahead
   Eigen::Vector3d ahead_ = Eigen::Vector3d::Zero();                ///< of the newest scan, a unit vector
   std::optional<Stamp> newest_;
-  std::size_t agreeing_tests_ = 0;  ///< in a row
-  std::size_t pause_ = 0;           ///< between tests, in scans
-  std::size_t scans_since_test_ = 0;
-  double distrust_s_ = 0.0;  ///< for so long textures count for nothing
-  std::vector<BrightScan> scans_;
-  std::vector<imu::NavState> states_;  ///< of `scans_`
+  double surfaces_variance_ = 0.0;  ///< of the velocity by surfaces alone, at the newest scan
+  Window window_;                   ///< of a velocity that is doubtful, or that textures alone hold
+  Pace pace_;
+  Window surfaces_window_;  ///< of a velocity that surfaces hardly hold
+  Pace surfaces_pace_;
+  double suspected_mps_ = 0.0;  ///< what the last question about surfaces contradicted them by; 0: not at all
+  double distrust_s_ = 0.0;     ///< for so long textures count for nothing
+  bool distrusts_surfaces_ = false;  ///< surfaces either, then
 };
 
 }  // namespace fdi_lio::odometry
