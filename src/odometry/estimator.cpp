@@ -34,7 +34,7 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
   // An IMU that feels no more than at rest may move smoothly.
   const bool is_aligned = is_initialised && !scans_->seems_to_stand();
   const std::optional<MovingStart> motion =
-      is_aligned ? scans_->aligned_start() : review_->find_motion(scans_->has_found_motion());
+      is_aligned ? scans_->aligned_start() : review_->find_motion(scans_->has_found_motion(), is_initialised);
   if (motion) return begin_moving(*motion);
   const bool is_late = review_->inputs().size() > ImuStart::most_intervals(config_.imu);
   const bool awaits_alignment = imu && !is_initialised && !is_late;

@@ -120,12 +120,16 @@ std::vector<BrightScan> StartReview::scans_without_gravity(const Eigen::Vector3d
   return scans;
 }
 
-std::optional<MovingStart> StartReview::find_motion(bool has_witness) {
+std::optional<MovingStart> StartReview::find_motion(bool has_witness, bool seems_to_stand) {
   if (is_over_ || scans_.size() < next_question_ || may_stand()) return std::nullopt;
   next_question_ = kLastQuestion;
   KnownMotion known;
   known.way = R_level_odom_ * (newest_t_odom_imu_ - first_t_odom_imu_);
   known.open_direction = open_direction();
+  if (seems_to_stand && !known.open_direction) {
+    is_over_ = true;
+    return std::nullopt;
+  }
   const bool by_ground = is_ground_steep();
   const Eigen::Vector3d up_odom = by_ground ? Eigen::Vector3d(R_level_odom_.transpose().col(2)) : felt_up();
   const BrightnessMotion motion = find_brightness_motion(scans_without_gravity(up_odom), known);

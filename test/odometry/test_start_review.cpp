@@ -127,6 +127,17 @@ TEST(StartReview, WaitsWhileACalmImuMayYetSayThatTheSensorStands) {
   EXPECT_TRUE(review.find_motion(false));
 }
 
+TEST(StartReview, AsksAboutARestOnlyWhereSurfacesLeaveADirectionOpen) {
+  const double calm_s = ImuConfig().static_duration_s;
+  for (const bool is_open : {false, true}) {
+    StartReview review{Config()};
+    for (int k = 0; k < 8; ++k)
+      add_scan(SyntheticRoad(), k, 22.0, 0.0, &review, calm_s, {is_open ? 10.0 : 500.0, 1000.0, 1000.0});
+    EXPECT_EQ(review.find_motion(false, true).has_value(), is_open);
+    EXPECT_TRUE(review.is_over());
+  }
+}
+
 /// A road's brightness may repeat itself, and a velocity at which it does may win, but hardly by far.
 TEST(StartReview, DoesNotOverruleAWitnessAgainstWhatStandsBesideTheRoad) {
   const auto review_of = [](double posts_mps, int scans, double roughness = 0.1) {
