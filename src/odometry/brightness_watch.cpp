@@ -33,8 +33,8 @@ constexpr double kSureVelocity = 0.03;
 /// surfaces, which mostly are right, a second one to the same side is needed, too.
 constexpr double kRefuting = 4.0;
 constexpr double kRefutingSurfaces = 9.0;
-/// Questions in a row without a pause, and what the pauses grow by [scans].
-constexpr std::size_t kFirstTests = 4;
+/// Answers in a row without a pause, and what the pauses grow by [scans].
+constexpr std::size_t kFirstAnswers = 4;
 constexpr std::size_t kPauseStep = 16;
 constexpr std::size_t kMostPause = 64;
 constexpr double kDistrust = 10.0;  ///< in what has confirmed a wrong velocity [s]
@@ -53,23 +53,32 @@ double velocity_variance(const Eigen::Vector3d& direction, const Eigen::Matrix3d
 
 }  // namespace
 
-void BrightnessWatch::Window::clear() {
-  scans.clear();
-  states.clear();
+void BrightnessWatch::Inquiry::forget_scans() {
+  scans_.clear();
+  states_.clear();
 }
 
-BrightnessOffset BrightnessWatch::Window::offset() {
-  const imu::NavState& first = states.front();
-  for (std::size_t k = 0; k < scans.size(); ++k) {
-    const double time_s = seconds_between(first.stamp, states[k].stamp);
-    scans[k].gained_mps = states[k].v_odom - first.v_odom;
-    scans[k].gained_m = states[k].t_odom_imu - first.t_odom_imu - time_s * first.v_odom;
+void BrightnessWatch::Inquiry::note_agreement() {
+  if (++agreeing_ >= kFirstAnswers) pause_ = std::min(pause_ + kPauseStep, kMostPause);
+}
+
+/// The answer to a question that the scan completes.
+std::optional<BrightnessWatch::Inquiry::Answer> BrightnessWatch::Inquiry::add(const BrightScan& scan,
+                                                                              const imu::NavState& state) {
+  scans_.push_back(scan);
+  states_.push_back(state);
+  if (scans_.size() < kScans) return std::nullopt;
+  const imu::NavState& first = states_.front();
+  for (std::size_t k = 0; k < scans_.size(); ++k) {
+    const double time_s = seconds_between(first.stamp, states_[k].stamp);
+    scans_[k].gained_mps = states_[k].v_odom - first.v_odom;
+    scans_[k].gained_m = states_[k].t_odom_imu - first.t_odom_imu - time_s * first.v_odom;
   }
-  return find_brightness_offset(scans, first.v_odom, first.v_odom.normalized());
-}
-
-void BrightnessWatch::Pace::agree() {
-  if (++agreeing >= kFirstTests) pause = std::min(pause + kPauseStep, kMostPause);
+  const Eigen::Vector3d ahead = first.v_odom.normalized();
+  const Answer answer{find_brightness_offset(scans_, first.v_odom, ahead), ahead};
+  since_last_ = 0;
+  forget_scans();
+  return answer;
 }
 
 void BrightnessWatch::reset(double velocity_sigma, double gravity_sigma) {
@@ -77,11 +86,9 @@ void BrightnessWatch::reset(double velocity_sigma, double gravity_sigma) {
   const double acceleration = std::max(gravity_sigma, kAcceleration);
   covariance_ = Eigen::Vector3d(0.0, velocity * velocity, acceleration * acceleration).asDiagonal();
   newest_.reset();
-  pace_ = surfaces_pace_ = Pace();
+  of_velocity_ = of_surfaces_ = Inquiry();
   suspected_mps_ = 0.0;
   distrust_s_ = 0.0;
-  window_.clear();
-  surfaces_window_.clear();
 }
 
 bool BrightnessWatch::is_doubtful() const {
@@ -121,64 +128,53 @@ void BrightnessWatch::advance(const imu::NavState& state, const TrustedInformati
   }
 }
 
-bool BrightnessWatch::is_contradicted(const BrightnessOffset& offset, double times) const {
+/// The answer is too far from the estimate for what both may be off by.
+bool BrightnessWatch::contradicts(const BrightnessOffset& offset, double times) const {
   return offset.mean_mps * offset.mean_mps > times * (covariance_(1, 1) + offset.variance);
 }
 
-/// P is as large as the offset tells, which nothing but brightness makes smaller for a while.
-void BrightnessWatch::distrust(const BrightnessOffset& offset) {
+/// P is as large as the answer tells, and for a while what has made it small counts for nothing.
+void BrightnessWatch::distrust(const Inquiry::Answer& answer, bool surfaces) {
   distrust_s_ = kDistrust;
-  const double square = offset.mean_mps * offset.mean_mps;
-  const double factor = (square - offset.variance) / covariance_(1, 1);
-  position_covariance_ += (factor - 1.0) * covariance_(0, 0) * ahead_ * ahead_.transpose();
+  distrusts_surfaces_ = surfaces;
+  const double square = answer.offset.mean_mps * answer.offset.mean_mps;
+  const double factor = (square - answer.offset.variance) / covariance_(1, 1);
+  position_covariance_ += (factor - 1.0) * covariance_(0, 0) * answer.ahead * answer.ahead.transpose();
   covariance_ *= factor;
 }
 
-BrightnessWatch::Correction BrightnessWatch::correct(const BrightnessOffset& offset,
-                                                     const Eigen::Vector3d& ahead) {
-  const Eigen::Vector2d gain = measure(offset.variance);
-  return {gain(0) * offset.mean_mps * ahead, gain(1) * offset.mean_mps * ahead};
+BrightnessWatch::Correction BrightnessWatch::correct(const Inquiry::Answer& answer) {
+  const Eigen::Vector2d gain = measure(answer.offset.variance);
+  of_velocity_.forget_scans();
+  of_surfaces_.forget_scans();
+  return {gain(0) * answer.offset.mean_mps * answer.ahead, gain(1) * answer.offset.mean_mps * answer.ahead};
 }
 
 /// No correction of a velocity that is neither doubtful nor refuted.
-std::optional<BrightnessWatch::Correction> BrightnessWatch::ask_velocity() {
-  const Eigen::Vector3d ahead = window_.states.front().v_odom.normalized();
-  const BrightnessOffset offset = window_.offset();
-  window_.clear();
-  pace_.scans = 0;
-  if (is_contradicted(offset, kRefuting)) {
-    pace_ = Pace();
-    distrusts_surfaces_ = false;
-    distrust(offset);
+std::optional<BrightnessWatch::Correction> BrightnessWatch::review_velocity(const Inquiry::Answer& answer) {
+  if (contradicts(answer.offset, kRefuting)) {
+    of_velocity_.note_contradiction();
+    distrust(answer, false);
   } else if (!is_doubtful()) {
-    pace_.agree();
+    of_velocity_.note_agreement();
     return std::nullopt;
   }
-  return correct(offset, ahead);
+  return correct(answer);
 }
 
-std::optional<BrightnessWatch::Correction> BrightnessWatch::test_surfaces(const BrightScan& scan,
-                                                                          const imu::NavState& state) {
-  surfaces_window_.scans.push_back(scan);
-  surfaces_window_.states.push_back(state);
-  if (surfaces_window_.scans.size() < kScans) return std::nullopt;
-  const Eigen::Vector3d ahead = surfaces_window_.states.front().v_odom.normalized();
-  const BrightnessOffset offset = surfaces_window_.offset();
-  surfaces_window_.clear();
-  surfaces_pace_.scans = 0;
+std::optional<BrightnessWatch::Correction> BrightnessWatch::review_surfaces(const Inquiry::Answer& answer) {
   const double before_mps = std::exchange(suspected_mps_, 0.0);
-  if (!is_contradicted(offset, kRefutingSurfaces)) {
-    surfaces_pace_.agree();
+  if (!contradicts(answer.offset, kRefutingSurfaces)) {
+    of_surfaces_.note_agreement();
     return std::nullopt;
   }
-  surfaces_pace_ = Pace();
-  if (before_mps * offset.mean_mps <= 0.0) {
-    suspected_mps_ = offset.mean_mps;
+  of_surfaces_.note_contradiction();
+  if (before_mps * answer.offset.mean_mps <= 0.0) {
+    suspected_mps_ = answer.offset.mean_mps;
     return std::nullopt;
   }
-  distrusts_surfaces_ = true;
-  distrust(offset);
-  return correct(offset, ahead);
+  distrust(answer, true);
+  return correct(answer);
 }
 
 std::optional<BrightnessWatch::Correction> BrightnessWatch::add(const FeatureSet& features,
@@ -188,21 +184,21 @@ std::optional<BrightnessWatch::Correction> BrightnessWatch::add(const FeatureSet
   advance(state, information);
   const bool is_fast = state.v_odom.norm() >= kLeastSpeed;
   const bool by_textures = surfaces_variance_ >= kDoubtfulVelocity * kDoubtfulVelocity;
-  const bool is_asked = is_fast && (is_doubtful() || (pace_.is_due() && by_textures));
-  const bool is_hardly_held =
-      is_fast && !is_doubtful() && surfaces_variance_ >= kSureVelocity * kSureVelocity;
-  const bool is_tested = is_hardly_held && surfaces_pace_.is_due();
-  if (!is_asked) window_.clear();
-  if (!is_tested) surfaces_window_.clear();
-  if (!is_asked && !is_tested) return std::nullopt;
-  BrightScan scan = bright_scan(features, state.q_odom_imu * R_imu_lidar_, v_deskew);
+  const bool by_weak_surfaces = !is_doubtful() && surfaces_variance_ >= kSureVelocity * kSureVelocity;
+  const bool asks_velocity = is_fast && (is_doubtful() || (of_velocity_.is_due() && by_textures));
+  const bool asks_surfaces = is_fast && by_weak_surfaces && of_surfaces_.is_due();
+  if (!asks_velocity) of_velocity_.forget_scans();
+  if (!asks_surfaces) of_surfaces_.forget_scans();
+  if (!asks_velocity && !asks_surfaces) return std::nullopt;
+  const BrightScan scan = bright_scan(features, state.q_odom_imu * R_imu_lidar_, v_deskew);
   std::optional<Correction> correction;
-  if (is_tested) correction = test_surfaces(scan, state);
-  if (!is_asked) return correction;
-  window_.scans.push_back(std::move(scan));
-  window_.states.push_back(state);
-  if (correction || window_.scans.size() < kScans) return correction;
-  return ask_velocity();
+  if (asks_velocity) {
+    if (const auto answer = of_velocity_.add(scan, state)) correction = review_velocity(*answer);
+  }
+  if (asks_surfaces && !correction) {
+    if (const auto answer = of_surfaces_.add(scan, state)) correction = review_surfaces(*answer);
+  }
+  return correction;
 }
 
 }  // namespace fdi_lio::odometry

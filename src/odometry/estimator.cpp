@@ -31,10 +31,11 @@ std::optional<EstimateResult> Estimator::add(const FeatureSet& features,
       lies_after_first_reading(input) ? begin_upright(std::move(input)) : add_to_review(std::move(input));
   if (!result) return result;
   const bool is_initialised = result->state.imu_status == imu::ImuStatus::kInitialised;
-  // An IMU that feels no more than at rest may move smoothly.
-  const bool is_aligned = is_initialised && !scans_->seems_to_stand();
+  // What feels no more than at rest may move smoothly.
+  const bool seems_to_stand = scans_->seems_to_stand();
+  const bool is_aligned = is_initialised && !seems_to_stand;
   const std::optional<MovingStart> motion =
-      is_aligned ? scans_->aligned_start() : review_->find_motion(scans_->has_found_motion(), is_initialised);
+      is_aligned ? scans_->aligned_start() : review_->find_motion(scans_->has_found_motion(), seems_to_stand);
   if (motion) return begin_moving(*motion);
   const bool is_late = review_->inputs().size() > ImuStart::most_intervals(config_.imu);
   const bool awaits_alignment = imu && !is_initialised && !is_late;

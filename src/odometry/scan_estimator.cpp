@@ -23,12 +23,6 @@ namespace {
 /// The first scans in a map, before a velocity is known well.
 constexpr int kStartScans = 3;
 constexpr double kLeastStartSpeed = 0.1;  ///< that the first two scans are deskewed with [m/s]
-/// So far must the second scan lie off the first, and so many times what their surfaces leave open, before an
-/// IMU that seems to stand is not believed. Of 102 pairs of scans at rest one lay as far off (0.07 m, 1.9
-/// times). What is farther off `start_velocity` finds.
-constexpr double kLeastStep = 0.02;  ///< [m]
-constexpr double kMostStep = 0.5;
-constexpr double kStepSigmas = 3.0;
 /// Way on which what is known of the beams' elevation is taken over into the scans [m].
 constexpr double kElevationWay = 20.0;
 constexpr double kBeamsOfSigma = 16.0;  ///< that mapping.common_elevation_sigma holds for
@@ -116,10 +110,7 @@ void ScanEstimator::start(const FeatureSet& features, const std::optional<imu::P
     return;
   }
   start_smoother(first, Smoother::InitialSigma());
-  if (!imu) return;
-  adopt_rest(*imu);
-  if (smoother_.newest().imu_status != imu::ImuStatus::kInitialised)
-    ground_normal_ = find_ground(features, first.q_odom_imu * T_imu_lidar_.linear());
+  if (imu) ground_normal_ = find_ground(features, first.q_odom_imu * T_imu_lidar_.linear());
 }
 
 void ScanEstimator::predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu) {
@@ -155,39 +146,7 @@ void ScanEstimator::search_motion(const FeatureSet& first, const std::optional<i
       start_velocity(first, before_, *features, smoother_.newest(), is_calm, T_imu_lidar_);
   if (!found) return;
   has_found_motion_ = found->is_clear;
-  if (rest_) forget_rest();
   begin_with_velocity(found->v_odom, first, imu, features);
-}
-
-/// An IMU that feels no more than at rest may move as well, smoothly. Nothing but the gyro predicts the
-/// second scan, then, and it must lie where the first does.
-void ScanEstimator::confirm_rest(const FeatureSet& features, const std::optional<imu::Preintegration>& imu) {
-  const ImuStart::Found rest = *rest_;
-  forget_rest();
-  start_smoother(before_, Smoother::InitialSigma());
-  predict(features, imu);
-  const matching::MatchInput input =
-      matching::make_match_input(features, config_.mapping, T_imu_lidar_, adapted_.feature_voxel_m);
-  const std::size_t least_matches = health_.least_matches(input.planes.size() + input.edges.size());
-  const Alignment alignment =
-      registration_.align(input, map_, adapted_, least_matches, true, std::nullopt, &smoother_);
-  const Eigen::Vector3d step_m = smoother_.newest().t_odom_imu - before_.t_odom_imu;
-  const double sigmas_sq = step_m.dot(alignment.trusted_information.surfaces * step_m);
-  const bool is_far = step_m.norm() > kLeastStep && step_m.norm() < kMostStep;
-  const bool moves = alignment.is_healthy && is_far && sigmas_sq > kStepSigmas * kStepSigmas;
-  if (!moves) {
-    rest_ = rest;
-    before_ = rest.state;
-  }
-  start_smoother(before_, moves ? Smoother::InitialSigma() : rest.sigma);
-}
-
-/// The first state, as if the IMU had not told that it stands.
-void ScanEstimator::forget_rest() {
-  rest_.reset();
-  before_.imu_status = imu::ImuStatus::kInitialising;
-  before_.gyro_bias.setZero();
-  before_.accel_bias.setZero();
 }
 
 /// Two scans that were deskewed alike, or not at all, match at their true distance. The third, deskewed with
@@ -275,11 +234,6 @@ void ScanEstimator::begin_map_anew(const EstimateResult& result, const Matrix15d
   health_.restart();
   map_scans_ = 0;
   has_restarted_ = true;
-}
-
-void ScanEstimator::adopt_rest(const imu::Preintegration& imu) {
-  rest_ = imu_start_.at_rest(smoother_.newest(), imu);
-  adopt_imu(rest_);
 }
 
 void ScanEstimator::adopt_imu(const std::optional<ImuStart::Found>& found) {
@@ -394,8 +348,11 @@ void ScanEstimator::take_up_imu(const std::optional<imu::Preintegration>& imu) {
                     so3::log(Eigen::Quaterniond(before_.q_odom_imu.conjugate() * newest.q_odom_imu)) / dt);
   smoother_.annotate_newest(newest.imu_status, w_imu);
   if (!has_imu || newest.imu_status == imu::ImuStatus::kInitialised) return;
-  adopt_rest(*imu);
-  if (smoother_.newest().imu_status == imu::ImuStatus::kInitialised) return;
+  if (const std::optional<ImuStart::Found> rest = imu_start_.at_rest(smoother_.newest(), *imu)) {
+    seems_to_stand_ = true;
+    adopt_imu(rest);
+    return;
+  }
   const std::optional<ImuStart::Found> found =
       imu_start_.in_motion(before_, smoother_.newest(), *imu, ground_normal_);
   const bool is_of_all = static_cast<int>(imu_start_.interval_count()) == scan_count_;
@@ -467,11 +424,9 @@ std::optional<EstimateResult> ScanEstimator::add(EstimatorInput input, bool is_r
   } else {
     v_earlier_ = before_.v_odom;
     before_ = smoother_.newest();
-    first = std::exchange(first_, std::nullopt);
-    if (first && rest_) confirm_rest(features, imu);
     predict(features, imu);
+    first = std::exchange(first_, std::nullopt);
     if (first) search_motion(*first, imu, &features);
-    if (smoother_.newest().imu_status == imu::ImuStatus::kInitialised) first.reset();
   }
   const Eigen::Vector3d v_deskew = deskew_velocity(input.v_deskew, is_reviewed);
   features = deskewed_anew(std::move(features), input.v_deskew, v_deskew);

@@ -52,17 +52,17 @@ TEST(StartReview, FindsTheVelocityAfterEightScans) {
   StartReview review{Config()};
   for (int k = 0; k < 7; ++k) {
     add_scan(SyntheticRoad(), k, 22.0, 0.0, &review);
-    EXPECT_FALSE(review.find_motion(false));
+    EXPECT_FALSE(review.find_motion(false, false));
     EXPECT_FALSE(review.is_over());
   }
   add_scan(SyntheticRoad(), 7, 22.0, 0.0, &review);
-  const auto start = review.find_motion(false);
+  const auto start = review.find_motion(false, false);
   ASSERT_TRUE(start);
   EXPECT_TRUE(review.is_over());
   EXPECT_EQ(review.inputs().size(), 8U);
   add_scan(SyntheticRoad(), 8, 22.0, 0.0, &review);
   EXPECT_EQ(review.inputs().size(), 9U);
-  EXPECT_FALSE(review.find_motion(false));
+  EXPECT_FALSE(review.find_motion(false, false));
   EXPECT_LT((start->v_odom - Eigen::Vector3d(22.0, 0.0, 0.0)).norm(), 0.5);
   EXPECT_LT((start->up_odom - Eigen::Vector3d::UnitZ()).norm(), 1e-9);
   EXPECT_LT(start->sigma.gravity, 0.2);
@@ -80,11 +80,11 @@ TEST(StartReview, BelievesSurfacesAcrossTheDirectionThatTheyLeaveOpen) {
     add_scan(SyntheticRoad(), k, 22.0, 0.0, &neither, calm_s, {500.0, 1000.0, 1000.0});
   }
   for (StartReview* review : {&along, &neither}) {
-    const auto start = review->find_motion(false);
+    const auto start = review->find_motion(false, false);
     ASSERT_TRUE(start);
     EXPECT_LT((start->v_odom - Eigen::Vector3d(22.0, 0.0, 0.0)).norm(), 0.5);
   }
-  const auto start = across.find_motion(false);
+  const auto start = across.find_motion(false, false);
   EXPECT_LT(start ? std::abs(start->v_odom.x()) : 0.0, 3.0);
 }
 
@@ -96,7 +96,7 @@ TEST(StartReview, FindsTheGroundBetweenWalls) {
   const double tilt = -std::atan2(road.acceleration_mps2, SensorConfig().gravity_mps2);
   StartReview review{Config()};
   for (int k = 0; k < 8; ++k) add_scan(road, k, 15.0, tilt, &review);
-  const auto start = review.find_motion(false);
+  const auto start = review.find_motion(false, false);
   ASSERT_TRUE(start);
   const Eigen::Matrix3d R_odom_road = Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitY()).toRotationMatrix();
   EXPECT_GT(start->up_odom.dot(R_odom_road.col(2)), std::cos(0.03));
@@ -110,7 +110,7 @@ TEST(StartReview, WhoGathersSpeedStandsUprightByTheGround) {
   const double tilt = -std::atan2(road.acceleration_mps2, sensor.gravity_mps2);
   StartReview review{Config()};
   for (int k = 0; k < 8; ++k) add_scan(road, k, 15.0, tilt, &review);
-  const auto start = review.find_motion(false);
+  const auto start = review.find_motion(false, false);
   ASSERT_TRUE(start);
   const Eigen::Matrix3d R_odom_road = Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitY()).toRotationMatrix();
   EXPECT_GT(start->up_odom.dot(R_odom_road.col(2)), std::cos(0.02));
@@ -121,10 +121,10 @@ TEST(StartReview, WaitsWhileACalmImuMayYetSayThatTheSensorStands) {
   StartReview review{Config()};
   for (int k = 0; k < 8; ++k)
     add_scan(SyntheticRoad(), k, 22.0, 0.0, &review, 0.5 * ImuConfig().static_duration_s);
-  EXPECT_FALSE(review.find_motion(false));
+  EXPECT_FALSE(review.find_motion(false, false));
   EXPECT_FALSE(review.is_over());
   add_scan(SyntheticRoad(), 8, 22.0, 0.0, &review);
-  EXPECT_TRUE(review.find_motion(false));
+  EXPECT_TRUE(review.find_motion(false, false));
 }
 
 TEST(StartReview, AsksAboutARestOnlyWhereSurfacesLeaveADirectionOpen) {
@@ -151,17 +151,17 @@ TEST(StartReview, DoesNotOverruleAWitnessAgainstWhatStandsBesideTheRoad) {
     }
     return review;
   };
-  EXPECT_TRUE(review_of(22.0, 8).find_motion(true));
+  EXPECT_TRUE(review_of(22.0, 8).find_motion(true, false));
   // What drives along hides speed.
-  EXPECT_TRUE(review_of(5.0, 8).find_motion(true));
-  EXPECT_TRUE(review_of(40.0, 8).find_motion(false));
+  EXPECT_TRUE(review_of(5.0, 8).find_motion(true, false));
+  EXPECT_TRUE(review_of(40.0, 8).find_motion(false, false));
   StartReview contradicted = review_of(40.0, 8);
-  EXPECT_FALSE(contradicted.find_motion(true));
+  EXPECT_FALSE(contradicted.find_motion(true, false));
   EXPECT_FALSE(contradicted.is_over());
   StartReview last = review_of(40.0, 16);
-  EXPECT_FALSE(last.find_motion(true));
+  EXPECT_FALSE(last.find_motion(true, false));
   EXPECT_TRUE(last.is_over());
-  EXPECT_TRUE(review_of(40.0, 8, 0.6).find_motion(true));
+  EXPECT_TRUE(review_of(40.0, 8, 0.6).find_motion(true, false));
 }
 
 /// Where the first two scans told a wrong motion, what follows may hold on to one between it and the truth.
@@ -172,7 +172,7 @@ TEST(StartReview, CorrectsAVelocityThatIsWrongByLittle) {
       add_scan(SyntheticRoad(), k, 22.0, 0.0, &review, ImuConfig().static_duration_s, Eigen::Vector3d::Zero(),
                {}, taken_mps);
     }
-    const auto start = review.find_motion(true);
+    const auto start = review.find_motion(true, false);
     ASSERT_EQ(start.has_value(), taken_mps < 21.0);
     EXPECT_TRUE(review.is_over());
     if (start) {
@@ -187,7 +187,7 @@ TEST(StartReview, StandsUprightByWhatWasFeltOverAllScans) {
   road.acceleration_mps2 = 2.0;
   StartReview review{Config()};
   for (int k = 0; k < 8; ++k) add_scan(road, k, 15.0, 0.0, &review);
-  const auto start = review.find_motion(false);
+  const auto start = review.find_motion(false, false);
   ASSERT_TRUE(start);
   EXPECT_GT(start->up_odom.z(), std::cos(0.02));
   EXPECT_GT(start->sigma.gravity, 0.4);
@@ -201,7 +201,7 @@ TEST(StartReview, IsOverWhenTheScansSayNothing) {
   for (int k = 0; k < 16; ++k) {
     EXPECT_FALSE(review.is_over()) << k;
     add_scan(road, k, 22.0, 0.0, &review);
-    EXPECT_FALSE(review.find_motion(false)) << k;
+    EXPECT_FALSE(review.find_motion(false, false)) << k;
   }
   EXPECT_TRUE(review.is_over());
 }

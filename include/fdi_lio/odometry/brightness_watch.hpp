@@ -27,9 +27,9 @@ namespace fdi_lio::odometry {
 ///
 /// Where textures alone hold dv, they may confirm a wrong one as well: there brightness is asked now and then
 /// all the same, and when it refutes dv it corrects it, and for some seconds textures count for nothing.
-/// Where surfaces hold dv, but to some hundredths only, the errors of beams may feign it, since they travel
-/// with the sensor: there two answers in a row must refute it, and for some seconds surfaces count for
-/// nothing, either.
+/// Where surfaces hold dv, but to some hundredths of a metre per second only, the errors of beams may feign
+/// it, since they travel with the sensor: there two answers in a row must refute it, and for some seconds
+/// surfaces count for nothing, either.
 class BrightnessWatch {
  public:
   explicit BrightnessWatch(const Eigen::Isometry3d& T_imu_lidar) : R_imu_lidar_(T_imu_lidar.linear()) {}
@@ -55,34 +55,38 @@ class BrightnessWatch {
   Eigen::Matrix3d velocity_covariance() const { return covariance_(1, 1) * ahead_ * ahead_.transpose(); }
 
  private:
-  /// Scans that are asked together, and what was estimated for them.
-  struct Window {
-    std::vector<BrightScan> scans;
-    std::vector<imu::NavState> states;
+  /// Asks 16 scans in a row, again and again: without a pause until some answers in a row agree with what is
+  /// estimated, then with longer ones.
+  class Inquiry {
+   public:
+    struct Answer {
+      BrightnessOffset offset;  ///< along `ahead`
+      Eigen::Vector3d ahead;    ///< of the first scan, a unit vector
+    };
 
-    void clear();
-    /// By how much the first velocity is off along itself.
-    BrightnessOffset offset();
-  };
-  /// Questions follow each other without a pause until some in a row have found nothing, then with longer
-  /// ones.
-  struct Pace {
-    std::size_t agreeing = 0;  ///< in a row
-    std::size_t pause = 0;     ///< between questions [scans]
-    std::size_t scans = 0;     ///< since the last
+    bool is_due() { return since_last_++ >= pause_; }
+    std::optional<Answer> add(const BrightScan& scan, const imu::NavState& state);
+    /// The scans so far do not follow each other, or were estimated otherwise.
+    void forget_scans();
+    void note_agreement();
+    void note_contradiction() { agreeing_ = pause_ = 0; }
 
-    bool is_due() { return scans++ >= pause; }
-    void agree();
+   private:
+    std::vector<BrightScan> scans_;
+    std::vector<imu::NavState> states_;  ///< of `scans_`
+    std::size_t agreeing_ = 0;           ///< in a row
+    std::size_t pause_ = 0;              ///< [scans]
+    std::size_t since_last_ = 0;         ///< [scans]
   };
 
   Eigen::Vector2d measure(double variance);
   void advance(const imu::NavState& state, const TrustedInformation& information);
   bool is_doubtful() const;
-  bool is_contradicted(const BrightnessOffset& offset, double times) const;
-  std::optional<Correction> ask_velocity();
-  std::optional<Correction> test_surfaces(const BrightScan& scan, const imu::NavState& state);
-  void distrust(const BrightnessOffset& offset);
-  Correction correct(const BrightnessOffset& offset, const Eigen::Vector3d& ahead);
+  bool contradicts(const BrightnessOffset& offset, double times) const;
+  std::optional<Correction> review_velocity(const Inquiry::Answer& answer);
+  std::optional<Correction> review_surfaces(const Inquiry::Answer& answer);
+  void distrust(const Inquiry::Answer& answer, bool surfaces);
+  Correction correct(const Inquiry::Answer& answer);
 
   Eigen::Matrix3d R_imu_lidar_;
   Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();           ///< P
@@ -90,13 +94,11 @@ class BrightnessWatch {
   Eigen::Vector3d ahead_ = Eigen::Vector3d::Zero();                ///< of the newest scan, a unit vector
   std::optional<Stamp> newest_;
   double surfaces_variance_ = 0.0;  ///< of the velocity by surfaces alone, at the newest scan
-  Window window_;                   ///< of a velocity that is doubtful, or that textures alone hold
-  Pace pace_;
-  Window surfaces_window_;  ///< of a velocity that surfaces hardly hold
-  Pace surfaces_pace_;
-  double suspected_mps_ = 0.0;  ///< what the last question about surfaces contradicted them by; 0: not at all
+  Inquiry of_velocity_;             ///< that is doubtful, or that textures alone hold
+  Inquiry of_surfaces_;             ///< that hardly hold it
+  double suspected_mps_ = 0.0;  ///< by what the last answer about surfaces contradicts them; 0: it does not
   double distrust_s_ = 0.0;     ///< for so long textures count for nothing
-  bool distrusts_surfaces_ = false;  ///< surfaces either, then
+  bool distrusts_surfaces_ = false;  ///< then surfaces do not, either
 };
 
 }  // namespace fdi_lio::odometry

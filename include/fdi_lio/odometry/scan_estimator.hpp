@@ -53,8 +53,8 @@ class ScanEstimator {
   /// The first two scans alone told the velocity.
   bool has_found_motion() const { return has_found_motion_; }
 
-  /// The IMU began as at rest, and the scans so far do not say otherwise.
-  bool seems_to_stand() const { return rest_.has_value(); }
+  /// The IMU was started as at rest.
+  bool seems_to_stand() const { return seems_to_stand_; }
 
   /// What the alignment of scans and IMU in motion says of the first scan, once it was made of all scans.
   const std::optional<MovingStart>& aligned_start() const { return aligned_start_; }
@@ -71,8 +71,6 @@ class ScanEstimator {
   void predict(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
   void search_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
                      FeatureSet* features);
-  void confirm_rest(const FeatureSet& features, const std::optional<imu::Preintegration>& imu);
-  void forget_rest();
   bool adopt_motion(const FeatureSet& first, const std::optional<imu::Preintegration>& imu,
                     FeatureSet* features);
   void begin_with_velocity(const Eigen::Vector3d& v_odom, const FeatureSet& first,
@@ -86,7 +84,6 @@ class ScanEstimator {
                                       EstimateResult* result);
   void watch_velocity(const FeatureSet& features, const Eigen::Vector3d& v_deskew);
   void take_up_imu(const std::optional<imu::Preintegration>& imu);
-  void adopt_rest(const imu::Preintegration& imu);
   void adopt_imu(const std::optional<ImuStart::Found>& found);
   void start_smoother(const imu::NavState& state, Smoother::InitialSigma sigma);
   Eigen::Vector3d bend_to(const imu::NavState& predicted) const;
@@ -117,7 +114,7 @@ class ScanEstimator {
   /// About the first scan, in odom; only where nothing but an alignment in motion tells which way is up.
   std::optional<Eigen::Vector3d> ground_normal_;
   bool has_found_motion_ = false;
-  std::optional<ImuStart::Found> rest_;  ///< what the IMU began with, where it seems to stand
+  bool seems_to_stand_ = false;
   std::optional<MovingStart> moving_start_;
   std::optional<MovingStart> aligned_start_;
   std::optional<imu::NavState> resumed_;

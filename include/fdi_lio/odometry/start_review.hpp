@@ -34,9 +34,9 @@ class StartReview {
   /// over all scans, or the ground where that is steep against it (`is_steep`), for then the sensor gathers
   /// speed or brakes.
   ///
-  /// `seems_to_stand`: the IMU says so, and the first two scans agree. Then only a direction that surfaces
-  /// leave open is worth a question, which holds up what is to be estimated live.
-  std::optional<MovingStart> find_motion(bool has_witness, bool seems_to_stand = false);
+  /// `seems_to_stand`: the IMU says so, and scans so far agree. Then only a direction that surfaces leave
+  /// open is worth a question, which holds up what is to be estimated live.
+  std::optional<MovingStart> find_motion(bool has_witness, bool seems_to_stand);
 
   bool is_over() const { return is_over_; }
 
