@@ -32,7 +32,6 @@ constexpr double kSureVelocity = 0.03;
 /// An offset whose square is more than so many times what was expected refutes the covariance; against
 /// surfaces, which mostly are right, a second one to the same side is needed, too.
 constexpr double kRefuting = 4.0;
-constexpr double kRefutingSurfaces = 9.0;
 /// Answers in a row without a pause, and what the pauses grow by [scans].
 constexpr std::size_t kFirstAnswers = 4;
 constexpr std::size_t kPauseStep = 16;
@@ -129,8 +128,8 @@ void BrightnessWatch::advance(const imu::NavState& state, const TrustedInformati
 }
 
 /// The answer is too far from the estimate for what both may be off by.
-bool BrightnessWatch::contradicts(const BrightnessOffset& offset, double times) const {
-  return offset.mean_mps * offset.mean_mps > times * (covariance_(1, 1) + offset.variance);
+bool BrightnessWatch::contradicts(const BrightnessOffset& offset) const {
+  return offset.mean_mps * offset.mean_mps > kRefuting * (covariance_(1, 1) + offset.variance);
 }
 
 /// P is as large as the answer tells, and for a while what has made it small counts for nothing.
@@ -152,7 +151,7 @@ BrightnessWatch::Correction BrightnessWatch::correct(const Inquiry::Answer& answ
 
 /// No correction of a velocity that is neither doubtful nor refuted.
 std::optional<BrightnessWatch::Correction> BrightnessWatch::review_velocity(const Inquiry::Answer& answer) {
-  if (contradicts(answer.offset, kRefuting)) {
+  if (contradicts(answer.offset)) {
     of_velocity_.note_contradiction();
     distrust(answer, false);
   } else if (!is_doubtful()) {
@@ -164,7 +163,7 @@ std::optional<BrightnessWatch::Correction> BrightnessWatch::review_velocity(cons
 
 std::optional<BrightnessWatch::Correction> BrightnessWatch::review_surfaces(const Inquiry::Answer& answer) {
   const double before_mps = std::exchange(suspected_mps_, 0.0);
-  if (!contradicts(answer.offset, kRefutingSurfaces)) {
+  if (!contradicts(answer.offset)) {
     of_surfaces_.note_agreement();
     return std::nullopt;
   }

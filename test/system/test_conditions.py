@@ -140,8 +140,8 @@ class Conditions(unittest.TestCase):
         still = ("motion.vibration=0", "imu.accel_noise=2e-4", "imu.gyro_noise=2e-5", "imu.accel_bias=0", "imu.gyro_bias=0")
         estimate, truth, said = self.drive("corridor", 15, "motion.speed=1", "motion.start_speed=1", *still,
                                            first_scan_s=1.05)
-        self.assertIn("standing still", said)
         self.assertIn("started in motion", said)
+        self.assertNotIn("standing still", said)
         self.assertLess(ate_rmse(estimate, truth), 0.05)
 
     def test_a_start_that_gathers_speed_in_a_tunnel(self):

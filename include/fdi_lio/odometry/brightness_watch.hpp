@@ -82,7 +82,7 @@ class BrightnessWatch {
   Eigen::Vector2d measure(double variance);
   void advance(const imu::NavState& state, const TrustedInformation& information);
   bool is_doubtful() const;
-  bool contradicts(const BrightnessOffset& offset, double times) const;
+  bool contradicts(const BrightnessOffset& offset) const;
   std::optional<Correction> review_velocity(const Inquiry::Answer& answer);
   std::optional<Correction> review_surfaces(const Inquiry::Answer& answer);
   void distrust(const Inquiry::Answer& answer, bool surfaces);
