@@ -262,6 +262,21 @@ Preintegration with_velocity_error(const Preintegration& measured, double sigma_
   return out;
 }
 
+Preintegration with_turn_error(const Preintegration& measured, double sigma_rad) {
+  Preintegration out = with_velocity_error(measured, sigma_rad * measured.delta_v.norm());
+  out.covariance.block<3, 3>(kTheta, kTheta) += sigma_rad * sigma_rad * Eigen::Matrix3d::Identity();
+  return out;
+}
+
+Preintegration with_missed_turn(const Preintegration& measured, const Eigen::Vector3d& turn) {
+  Preintegration out = with_turn_error(measured, turn.norm());
+  out.delta_q = (measured.delta_q * so3::exp_q(turn)).normalized();
+  // What was felt at time t was turned by t / T of it: the mean of that, and twice integrated a third.
+  out.delta_v = so3::exp_q(turn / 2.0) * measured.delta_v;
+  out.delta_p = so3::exp_q(turn / 3.0) * measured.delta_p;
+  return out;
+}
+
 Preintegration joined(const Preintegration& first, const Preintegration& second) {
   const CorrectedDelta then = corrected(second, first.gyro_bias, first.accel_bias, first.lidar_time_offset_s);
   const Eigen::Matrix3d R = first.delta_q.toRotationMatrix();

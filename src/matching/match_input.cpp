@@ -39,7 +39,8 @@ std::vector<Eigen::Vector3d> to_body(const std::vector<Point>& points, const Eig
   return body;
 }
 
-/// Every k-th point, so that at most `limit` stay.
+}  // namespace
+
 std::vector<Eigen::Vector3d> thin_out(const std::vector<Eigen::Vector3d>& points, std::size_t limit) {
   if (points.size() <= limit) return points;
   std::vector<Eigen::Vector3d> kept;
@@ -47,8 +48,6 @@ std::vector<Eigen::Vector3d> thin_out(const std::vector<Eigen::Vector3d>& points
   for (std::size_t k = 0; k < limit; ++k) kept.push_back(points[k * points.size() / limit]);
   return kept;
 }
-
-}  // namespace
 
 MatchInput make_match_input(const FeatureSet& features, const MappingConfig& config,
                             const Eigen::Isometry3d& T_imu_lidar, double feature_voxel_m) {

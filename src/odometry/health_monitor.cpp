@@ -13,6 +13,9 @@ constexpr double kMinMatchShare = 0.1;
 /// Or of the share that is usual, a mean over about so many scans.
 constexpr double kMinUsualShare = 0.4;
 constexpr double kUsualScans = 10.0;
+/// Of the usual share, where that is at least so much: what hardly knows the scans knows now more, now less.
+constexpr double kUnusualShare = 0.85;
+constexpr double kWellKnown = 0.5;
 constexpr int kLostScans = 50;
 /// The innovation is averaged over about so many scans, each counting for so much at most: a single one may
 /// follow a gap.
@@ -33,6 +36,10 @@ constexpr double kMaxGyroBias = 0.1;   ///< [rad/s]
 std::size_t HealthMonitor::least_matches(std::size_t features) const {
   const double share = std::min(kMinMatchShare, kMinUsualShare * usual_share_.value_or(0.0));
   return std::max(kMinMatches, static_cast<std::size_t>(std::ceil(share * static_cast<double>(features))));
+}
+
+bool HealthMonitor::is_unusual(double matched_share) const {
+  return usual_share_ && *usual_share_ >= kWellKnown && matched_share < kUnusualShare * *usual_share_;
 }
 
 void HealthMonitor::add_unmatched() {

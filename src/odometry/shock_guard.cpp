@@ -1,6 +1,7 @@
 #include "fdi_lio/odometry/shock_guard.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <iomanip>
 #include <sstream>
 
@@ -9,14 +10,12 @@ namespace fdi_lio::odometry {
 namespace {
 
 constexpr double kDoubtfulStep = 0.02;  ///< of a scan's prediction [m]
-/// A velocity that one scan tells is off by what its position is, over the time since the scan before: it
-/// takes a few until the prediction is as good as ever.
-constexpr int kScans = 3;
 
 }  // namespace
 
 double ShockGuard::add(double change_mps, double duration_s) {
   if (scans_ > 0) --scans_;
+  if (scans_ == 0) doubtful_turn_rad_ = 0.0;
   const double acceleration = change_mps / std::max(1e-6, duration_s);
   const double doubtful_mps =
       change_mps * std::clamp(2.0 * acceleration / shock_acceleration_mps2_ - 1.0, 0.0, 1.0);
@@ -28,6 +27,15 @@ double ShockGuard::add(double change_mps, double duration_s) {
        << " s, which may be false (sensor.shock_acceleration): the scans decide";
   reporter_->report(Severity::kInfo, "imu_shock", text.str());
   return doubtful_mps;
+}
+
+void ShockGuard::note_missed_turn(double turn_rad) {
+  scans_ = kScans;
+  doubtful_turn_rad_ = turn_rad;
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(0) << "the scans show a turn of " << turn_rad * 180.0 / M_PI
+       << " degrees more than the gyro: a blow, or more than its range";
+  reporter_->report(Severity::kWarning, "gyro_missed", text.str());
 }
 
 }  // namespace fdi_lio::odometry

@@ -10,6 +10,7 @@
 #include <ceres/solver.h>
 
 #include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/imu/preintegration.hpp"
 
 namespace fdi_lio::odometry {
 
@@ -165,6 +166,15 @@ void Smoother::add(const imu::NavState& predicted, const imu::Preintegration& mo
   entry.with_gravity = with_gravity;
   entry.bend = bend;
   window_.push_back(entry);
+}
+
+void Smoother::replace_newest(const imu::NavState& predicted, const imu::Preintegration& motion,
+                              double turn_error_rad) {
+  window_.back().state = predicted;
+  window_.back().motion = motion;
+  window_.back().lidar.reset();
+  Entry& before = window_[window_.size() - 2];
+  if (before.has_motion) before.motion = imu::with_turn_error(before.motion, turn_error_rad);
 }
 
 void Smoother::reduce_beam_elevation(double taken_out) {

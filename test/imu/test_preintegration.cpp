@@ -39,6 +39,25 @@ TEST(Preintegration, ClipsToBoundsThatLieBetweenReadings) {
   EXPECT_EQ(p.sample_count, 37U);
 }
 
+// A gyro that lacks a steady rate misses an even turn: with it, all is as with a gyro that has it.
+TEST(Preintegration, AMissedTurnIsWhatTheGyroLacked) {
+  const auto samples = SyntheticMotion().samples(0.0, 0.1, 400.0);
+  const Eigen::Vector3d rate(0.5, -1.2, 2.0);
+  std::vector<ImuSample> lacking = samples;
+  for (ImuSample& sample : lacking) sample.angular_velocity -= rate;
+  const Preintegration truth = integrate(samples, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
+  const Preintegration wrong = integrate(lacking, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
+  const Preintegration found = with_missed_turn(wrong, 0.1 * rate);
+  EXPECT_GT(wrong.delta_q.angularDistance(truth.delta_q), 0.2);
+  EXPECT_LT(found.delta_q.angularDistance(truth.delta_q), 0.02);
+  EXPECT_LT((found.delta_v - truth.delta_v).norm(), 0.1 * (wrong.delta_v - truth.delta_v).norm());
+  EXPECT_LT((found.delta_p - truth.delta_p).norm(), 0.1 * (wrong.delta_p - truth.delta_p).norm());
+  const Matrix15d more = found.covariance - wrong.covariance;
+  const double sigma_rad = 0.1 * rate.norm();
+  EXPECT_NEAR(more(0, 0), sigma_rad * sigma_rad, 1e-9);
+  EXPECT_NEAR(more(6, 6), std::pow(sigma_rad * wrong.delta_v.norm(), 2.0), 1e-9);
+}
+
 TEST(Preintegration, BiasJacobiansAreTheNumericDerivatives) {
   const auto samples = SyntheticMotion().samples(0.0, 0.3, 200.0);
   const Preintegration nominal = integrate(samples, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());

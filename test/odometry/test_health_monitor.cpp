@@ -40,6 +40,19 @@ TEST(HealthMonitor, WhereTheMapKnowsLittleASmallShareIsEnough) {
   EXPECT_EQ(monitor.least_matches(2000), 30U);
 }
 
+TEST(HealthMonitor, AShareFarBelowThoseBeforeIsUnusual) {
+  Reporter reporter;
+  HealthMonitor monitor(&reporter);
+  EXPECT_FALSE(monitor.is_unusual(0.0));
+  add_matched(0.8, 30, &monitor);
+  EXPECT_FALSE(monitor.is_unusual(0.7));
+  EXPECT_TRUE(monitor.is_unusual(0.65));
+  add_matched(0.6, 60, &monitor);
+  EXPECT_FALSE(monitor.is_unusual(0.55));
+  add_matched(0.4, 60, &monitor);
+  EXPECT_FALSE(monitor.is_unusual(0.1));
+}
+
 /// Predictions that miss by draws from `sigma` in each of the six directions, with a covariance that says 1
 /// cm and 1 mrad.
 void add_predictions(double sigma_rad, double sigma_m, int count, HealthMonitor* monitor) {

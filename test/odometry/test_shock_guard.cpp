@@ -16,6 +16,23 @@ TEST(ShockGuard, DoubtsWhatNoVehicleDoes) {
   EXPECT_EQ(guard.add(0.5, 0.2), 0.0);
 }
 
+TEST(ShockGuard, DoubtsTheGyroForTwoScansMore) {
+  Reporter reporter;
+  ShockGuard guard(10.0, &reporter);
+  guard.add(0.0, 0.1);
+  EXPECT_EQ(guard.doubtful_turn_rad(), 0.0);
+  guard.note_missed_turn(0.2);
+  EXPECT_TRUE(reporter.has("gyro_missed"));
+  for (int scan = 0; scan < 2; ++scan) {
+    guard.add(0.0, 0.1);
+    EXPECT_EQ(guard.doubtful_turn_rad(), 0.2) << scan;
+    EXPECT_TRUE(guard.is_shocked()) << scan;
+  }
+  guard.add(0.0, 0.1);
+  EXPECT_EQ(guard.doubtful_turn_rad(), 0.0);
+  EXPECT_FALSE(guard.is_shocked());
+}
+
 TEST(ShockGuard, IsOnItsGuardForThreeScans) {
   Reporter reporter;
   ShockGuard guard(10.0, &reporter);

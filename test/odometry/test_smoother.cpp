@@ -193,6 +193,36 @@ TEST_F(Window, AShiftMovesTheEstimateAndKeepsWhatIsKnown) {
   EXPECT_LT((smoother.newest().v_odom - after.v_odom).norm(), 0.02);
 }
 
+// A turn that the gyro missed goes into its bias, unless the motion is replaced by one that knows of it.
+TEST_F(Window, AReplacedMotionKeepsAMissedTurnOutOfTheBias) {
+  const Eigen::Vector3d turn(0.1, -0.2, 0.15);
+  for (const bool is_replaced : {false, true}) {
+    Smoother smoother(4, 9.81, {}, 0.0);
+    smoother.start(motion_.state(0.0), Smoother::InitialSigma());
+    for (int k = 0; k < 30; ++k) {
+      const imu::NavState before = smoother.newest();
+      imu::Preintegration p = interval(k, before);
+      const bool is_struck = k == 20;
+      if (is_struck) p.delta_q = p.delta_q * so3::exp_q(-turn);
+      smoother.add(imu::predict(before, p), p, true, Eigen::Vector3d::Zero());
+      if (is_struck && is_replaced) {
+        const imu::Preintegration motion = imu::with_missed_turn(p, turn);
+        smoother.replace_newest(imu::predict(before, motion), motion, turn.norm());
+      }
+      smoother.set_lidar(lidar_at(motion_.state(0.1 * (k + 1))));
+      ASSERT_TRUE(smoother.solve());
+      const double error = (smoother.newest().gyro_bias - gyro_bias_).norm();
+      if (is_struck) {
+        EXPECT_EQ(error < 2e-3, is_replaced) << error;
+      }
+    }
+    const imu::NavState truth = motion_.state(3.0);
+    if (is_replaced) {
+      EXPECT_LT((smoother.newest().v_odom - truth.v_odom).norm(), 0.02);
+    }
+  }
+}
+
 TEST_F(Window, WithoutLidarTheCovarianceGrows) {
   run(4, 10);
   const Matrix15d with_lidar = covariance_;

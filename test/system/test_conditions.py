@@ -19,6 +19,22 @@ BIN = pathlib.Path()
 SOURCE = pathlib.Path()
 
 
+def struck(*blows):
+    """What adds to IMU readings; a blow is (from, to) in seconds after the first, the vector, its axis, and how much."""
+    first_s = None
+
+    def strike(message):
+        nonlocal first_s
+        stamp_s = message.header.stamp.to_sec()
+        first_s = stamp_s if first_s is None else first_s
+        for begin_s, end_s, vector, axis, added in blows:
+            if begin_s <= stamp_s - first_s < end_s:
+                changed = getattr(message, vector)
+                setattr(changed, axis, getattr(changed, axis) + added)
+
+    return strike
+
+
 class Conditions(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
@@ -100,20 +116,18 @@ class Conditions(unittest.TestCase):
 
     def test_blows_that_the_accelerometer_gets_wrong(self):
         # By 4 m/s along the way in two scans, then by 3 m/s across it in one.
-        first_s = None
-
-        def strike(message):
-            nonlocal first_s
-            stamp_s = message.header.stamp.to_sec()
-            first_s = stamp_s if first_s is None else first_s
-            if 10.0 <= stamp_s - first_s < 10.2:
-                message.linear_acceleration.x += 20.0
-            if 15.0 <= stamp_s - first_s < 15.1:
-                message.linear_acceleration.y += 30.0
-
+        strike = struck((10.0, 10.2, "linear_acceleration", "x", 20.0), (15.0, 15.1, "linear_acceleration", "y", 30.0))
         estimate, truth, said = self.drive("mine", 25, change=strike)
         self.assertIn("a shock", said)
         self.assertNotIn("too few matches", said)
+        self.assertLess(ate_rmse(estimate, truth), 0.1)
+
+    def test_a_gyro_that_is_struck(self):
+        # It turns 30 degrees too far in half a second, then misses a roll of 25 degrees in a fifth of one (200 to 600 m).
+        strike = struck((10.0, 10.5, "angular_velocity", "z", np.radians(60.0)),
+                        (15.0, 15.2, "angular_velocity", "x", np.radians(-125.0)))
+        estimate, truth, said = self.drive("corridor", 25, change=strike)
+        self.assertIn("than the gyro", said)
         self.assertLess(ate_rmse(estimate, truth), 0.1)
 
     def test_a_start_in_a_bend_with_an_accelerometer_that_is_off(self):

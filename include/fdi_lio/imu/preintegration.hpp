@@ -48,6 +48,14 @@ Preintegration gyro_only(const Preintegration& measured, const ImuConfig& config
 /// in whatever instant of the interval.
 Preintegration with_velocity_error(const Preintegration& measured, double sigma_mps);
 
+/// The motion turned by another `sigma_rad` besides (standard deviation about each axis), in whatever instant
+/// of the interval, and with it what the accelerometer felt.
+Preintegration with_turn_error(const Preintegration& measured, double sigma_rad);
+
+/// The motion with a turn besides that the gyro has missed [rad], evenly over the interval or not quite: as
+/// uncertain as it is large.
+Preintegration with_missed_turn(const Preintegration& measured, const Eigen::Vector3d& turn);
+
 /// One preintegration of two that follow each other (`first.to` is `second.from`, both with readings), at the
 /// biases and the time offset of the first: what preintegrating all their readings gives; exact, but for
 /// biases and offsets that differ, for which `corrected` stands.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include <Eigen/Core>
@@ -20,6 +21,9 @@ struct MatchInput {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();      ///< of the lidar, in the body frame
   Eigen::Vector3d spin_axis = Eigen::Vector3d::UnitZ();  ///< of the lidar, in the body frame
 };
+
+/// Every k-th point, so that at most `limit` stay.
+std::vector<Eigen::Vector3d> thin_out(const std::vector<Eigen::Vector3d>& points, std::size_t limit);
 
 /// Features of a scan (lidar frame) thinned out for the matcher: the mean of the points in each voxel of
 /// `feature_voxel_m` for planes, of half of it for edges, at most `mapping.max_planes_matched` planes, and

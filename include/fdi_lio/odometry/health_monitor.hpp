@@ -30,6 +30,10 @@ class HealthMonitor {
   /// How many of a scan's features must find matches, so that these can correct its pose.
   std::size_t least_matches(std::size_t features) const;
 
+  /// Whether a scan finds matches for a far smaller share of its features than the ones before, of which the
+  /// map knows at least half.
+  bool is_unusual(double matched_share) const;
+
   /// A scan was not matched: its pose is a prediction.
   void add_unmatched();
 

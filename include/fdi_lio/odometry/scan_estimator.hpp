@@ -80,8 +80,13 @@ class ScanEstimator {
                            const Eigen::Vector3d& v_odom) const;
   void match(const FeatureSet& features, const std::optional<imu::Preintegration>& imu,
              EstimateResult* result);
-  matching::LidarInformation optimise(const matching::MatchInput& input, bool is_shaken,
-                                      EstimateResult* result);
+  matching::LidarInformation optimise(const FeatureSet& features,
+                                      const std::optional<imu::Preintegration>& imu, EstimateResult* result);
+  Alignment align(const matching::MatchInput& input, const std::optional<Matrix6d>& predicted_covariance,
+                  bool is_shocked);
+  std::optional<Alignment> align_turned(const Smoother& predicted, const FeatureSet& features,
+                                        const matching::MatchInput& input, const imu::Preintegration& imu,
+                                        const Alignment& straight);
   void watch_velocity(const FeatureSet& features, const Eigen::Vector3d& v_deskew);
   void take_up_imu(const std::optional<imu::Preintegration>& imu);
   void adopt_imu(const std::optional<ImuStart::Found>& found);

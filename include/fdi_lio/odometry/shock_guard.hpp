@@ -4,9 +4,9 @@
 
 namespace fdi_lio::odometry {
 
-/// Watches for changes of velocity that no vehicle makes. A blow is over before the readings of an
-/// accelerometer tell its height, or exceeds their range; what is left of it looks like a change of velocity
-/// by metres per second.
+/// Watches for changes of velocity that no vehicle makes, and for turns that the gyro misses. A blow is over
+/// before the readings of an accelerometer tell its height, or exceeds their range; what is left of it looks
+/// like a change of velocity by metres per second.
 class ShockGuard {
  public:
   /// `shock_acceleration_mps2`: a mean acceleration between two scans that may be false altogether.
@@ -18,14 +18,25 @@ class ShockGuard {
   /// grows evenly between.
   double add(double change_mps, double duration_s);
 
+  /// The gyro has missed so much of a turn before the newest scan.
+  void note_missed_turn(double turn_rad);
+
+  /// What it may miss once more before the newest scan.
+  double doubtful_turn_rad() const { return doubtful_turn_rad_; }
+
   /// The prediction of the newest scan is not to be relied on: it may be off by more than 2 cm, or that of
   /// one of the two scans before it was.
   bool is_shocked() const { return scans_ > 0; }
 
  private:
+  /// A velocity that one scan tells is off by what its position is, over the time since the scan before: it
+  /// takes a few until the prediction is as good as ever.
+  static constexpr int kScans = 3;
+
   double shock_acceleration_mps2_;
   Reporter* reporter_;
   int scans_ = 0;  ///< that are not to be predicted, the newest included
+  double doubtful_turn_rad_ = 0.0;
 };
 
 }  // namespace fdi_lio::odometry

@@ -49,6 +49,11 @@ class Smoother {
   void add(const imu::NavState& predicted, const imu::Preintegration& motion, bool with_gravity,
            const Eigen::Vector3d& bend);
 
+  /// The newest state by another prediction instead of the one that it was added with. `turn_error_rad`: by
+  /// what the motion before that one may be off, too (imu::with_turn_error()).
+  void replace_newest(const imu::NavState& predicted, const imu::Preintegration& motion,
+                      double turn_error_rad);
+
   /// This much of NavState::beam_elevation [rad] is taken out of the scans from now on.
   void reduce_beam_elevation(double taken_out);
 
