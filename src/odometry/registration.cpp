@@ -4,14 +4,18 @@
 #include <cmath>
 
 #include "fdi_lio/common/so3.hpp"
+#include "fdi_lio/matching/common_error.hpp"
 #include "fdi_lio/matching/localizability.hpp"
 
 namespace fdi_lio::odometry {
 
 namespace {
-/// Where nothing predicts a scan.
-constexpr int kUnpredictedIterations = 20;
-constexpr double kUnpredictedMaxResidual = 1.0;
+/// Where the prediction of a scan is not to be relied on.
+constexpr int kUnreliableIterations = 20;
+constexpr double kUnreliableMaxResidual = 1.0;
+/// Root mean square of the turn that points are deskewed wrongly by, in the turn that a gyro misses at some
+/// instant of the scan, while it is taken for even: sqrt(1 / 6).
+constexpr double kShear = 0.41;
 /// Of the intensity features that find a texture in the map. Where it is less, those that do are a selection:
 /// a cell takes three scans to know a texture, which few see that do not travel with the sensor.
 constexpr double kUsualTextureShare = 0.1;
@@ -53,6 +57,16 @@ void Registration::add_directions(const matching::MatchInput& input, const match
   alignment->trusted_information.all = trusted.H.bottomRightCorner<3, 3>();
 }
 
+/// A turn that the gyro missed was taken for even while the scan was deskewed.
+void Registration::add_shear(const Expectation& expectation, const imu::NavState& predicted,
+                             const imu::NavState& at, matching::LidarInformation* information) const {
+  if (!expectation.missed_turn) return;
+  const Eigen::Vector3d turn = *expectation.missed_turn +
+                               so3::log(Eigen::Quaterniond(predicted.q_odom_imu.conjugate() * at.q_odom_imu));
+  const double uneven_rad = std::min(turn.norm(), (turn - expectation.missed_turn_before).norm());
+  matching::add_common_error(kShear * uneven_rad, information);
+}
+
 bool Registration::has_converged(const imu::NavState& before, const imu::NavState& after) const {
   const double turn = so3::log(Eigen::Quaterniond(before.q_odom_imu.conjugate() * after.q_odom_imu)).norm();
   const double step_m = (before.t_odom_imu - after.t_odom_imu).norm();
@@ -60,18 +74,19 @@ bool Registration::has_converged(const imu::NavState& before, const imu::NavStat
 }
 
 Alignment Registration::align(matching::MatchInput input, const matching::LocalMap& map,
-                              const AdaptedSettings& adapted, std::size_t least_matches, bool is_unpredicted,
-                              const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother) {
-  const int iterations = is_unpredicted ? kUnpredictedIterations : adapted.iterations;
+                              const AdaptedSettings& adapted, std::size_t least_matches,
+                              const Expectation& expectation, Smoother* smoother) {
+  const bool is_unreliable = expectation.is_unreliable;
+  const imu::NavState predicted = smoother->newest();
+  const int iterations = is_unreliable ? kUnreliableIterations : adapted.iterations;
   matching::MatchSettings settings;
   settings.plane_weight = adapted.plane_weight;
   settings.edge_weight = adapted.edge_weight;
   settings.intensity_weight = config_.intensity_weight;
   settings.line_radius_m = line_radius_.mean_m();
-  if (predicted_covariance) {
-    const imu::NavState& predicted = smoother->newest();
+  if (expectation.covariance) {
     input.plane_factors = matcher_.weigh_planes(input, map.planes(), predicted.q_odom_imu,
-                                                predicted.t_odom_imu, *predicted_covariance);
+                                                predicted.t_odom_imu, *expectation.covariance);
   }
   Alignment alignment;
   matching::RadiusEvidence radius;
@@ -79,9 +94,9 @@ Alignment Registration::align(matching::MatchInput input, const matching::LocalM
     const imu::NavState current = smoother->newest();
     const double progress = static_cast<double>(iteration) / iterations;
     settings.max_residual_m =
-        is_unpredicted ? std::max(config_.max_residual_m, kUnpredictedMaxResidual * (1.0 - progress))
-                       : config_.max_residual_m;
-    if (!is_unpredicted && iteration > 0) settings.max_deviation = config_.max_deviation;
+        is_unreliable ? std::max(config_.max_residual_m, kUnreliableMaxResidual * (1.0 - progress))
+                      : config_.max_residual_m;
+    if (!is_unreliable && iteration > 0) settings.max_deviation = config_.max_deviation;
     matching::LidarInformation& information = alignment.information;
     information = matcher_.linearise(input, map.planes(), map.edges(), current.q_odom_imu, current.t_odom_imu,
                                      settings);
@@ -92,6 +107,7 @@ Alignment Registration::align(matching::MatchInput input, const matching::LocalM
       alignment.is_healthy = false;
       break;
     }
+    add_shear(expectation, predicted, current, &information);
     smoother->set_lidar(information);
     if (!smoother->solve()) {
       reporter_->report(Severity::kError, "solver",
@@ -102,7 +118,7 @@ Alignment Registration::align(matching::MatchInput input, const matching::LocalM
     if (has_converged(current, smoother->newest())) break;
   }
   // Before the IMU is initialised nothing tells a wrong velocity from a radius.
-  if (alignment.is_healthy && predicted_covariance) line_radius_.learn(radius);
+  if (alignment.is_healthy && expectation.covariance) line_radius_.learn(radius);
   return alignment;
 }
 

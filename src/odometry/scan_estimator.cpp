@@ -15,7 +15,6 @@
 #include "fdi_lio/matching/match_input.hpp"
 #include "fdi_lio/odometry/start_ground.hpp"
 #include "fdi_lio/odometry/start_motion.hpp"
-#include "fdi_lio/odometry/turn_search.hpp"
 
 namespace fdi_lio::odometry {
 
@@ -26,12 +25,7 @@ constexpr int kStartScans = 3;
 constexpr double kLeastStartSpeed = 0.1;  ///< that the first two scans are deskewed with [m/s]
 /// Way on which what is known of the beams' elevation is taken over into the scans [m].
 constexpr double kElevationWay = 20.0;
-/// A turn that the gyro missed makes it doubtful for longer from this on [rad], and it finds by these factors
-/// more matches: where nothing was missed, on open roads under 16 beams, chance finds up to 1.17.
-constexpr double kLeastMissedTurn = 0.02;
-constexpr double kMissedTurnGain = 1.15;
-constexpr double kNextMissedTurnGain = 1.05;  ///< soon after another
-constexpr double kBeamsOfSigma = 16.0;        ///< that mapping.common_elevation_sigma holds for
+constexpr double kBeamsOfSigma = 16.0;  ///< that mapping.common_elevation_sigma holds for
 
 Smoother::CalibrationSigma calibration_sigma(const Config& config) {
   Smoother::CalibrationSigma sigma;
@@ -39,14 +33,6 @@ Smoother::CalibrationSigma calibration_sigma(const Config& config) {
   if (config.mapping.estimate_time_offset)
     sigma.lidar_time_offset_s = config.sensor.lidar_time_offset_sigma_s;
   return sigma;
-}
-
-std::size_t match_count(const Alignment& alignment) {
-  return alignment.information.planes + alignment.information.edges;
-}
-
-std::size_t feature_count(const matching::MatchInput& input) {
-  return input.planes.size() + input.edges.size();
 }
 
 /// The mean of errors of so many beams.
@@ -63,18 +49,17 @@ ScanEstimator::ScanEstimator(const Config& config, Reporter* reporter, const Sta
       reporter_(reporter),
       timer_(timer),
       T_imu_lidar_(config.sensor.T_imu_lidar()),
-      registration_(config, reporter),
       smoother_(config.mapping.window_size, config.sensor.gravity_mps2, calibration_sigma(config),
                 config.mapping.tilt_walk_deg * M_PI / 180.0),
       map_(config.mapping),
       stated_(config),
-      health_(reporter),
       calibration_report_(config.sensor, reporter),
       candidate_(config),
       imu_start_(config, reporter),
       beams_(config),
       brightness_(T_imu_lidar_),
-      shock_guard_(config.sensor.shock_acceleration_mps2, reporter) {}
+      shock_guard_(config.sensor.shock_acceleration_mps2, reporter),
+      aligner_(config, &shock_guard_, reporter) {}
 
 ScanEstimator::~ScanEstimator() { learning_.wait(); }
 
@@ -144,7 +129,7 @@ void ScanEstimator::predict(const FeatureSet& features, const std::optional<imu:
     const imu::NavState predicted = imu::predict(newest, *imu);
     const double error_mps = shock_guard_.add((predicted.v_odom - newest.v_odom).norm(), imu->duration_s());
     const imu::Preintegration motion = imu::with_velocity_error(*imu, error_mps);
-    smoother_.add(predicted, imu::with_turn_error(motion, shock_guard_.doubtful_turn_rad()), true,
+    smoother_.add(predicted, imu::with_turn_error(motion, shock_guard_.doubtful_turn().norm()), true,
                   bend_to(predicted));
     return;
   }
@@ -193,83 +178,6 @@ void ScanEstimator::begin_with_velocity(const Eigen::Vector3d& v_odom, const Fea
   reporter_->report(Severity::kInfo, "first_motion", text.str());
 }
 
-/// `predicted_covariance` of the newest pose, where an IMU predicts it.
-Alignment ScanEstimator::align(const matching::MatchInput& input,
-                               const std::optional<Matrix6d>& predicted_covariance, bool is_shocked) {
-  const bool is_known = predicted_covariance && !has_restarted_;
-  const bool is_start = map_scans_ <= kStartScans && !is_known && !moving_start_;
-  return registration_.align(input, map_, adapted_, health_.least_matches(feature_count(input)),
-                             is_start || is_shocked, predicted_covariance, &smoother_);
-}
-
-/// The scan once more, after a turn that the gyro has missed, where one explains more of it than `straight`
-/// does. `predicted`: before the scan was aligned. Nothing where there is none, and all is as it was.
-std::optional<Alignment> ScanEstimator::align_turned(const Smoother& predicted, const FeatureSet& features,
-                                                     const matching::MatchInput& input,
-                                                     const imu::Preintegration& imu,
-                                                     const Alignment& straight) {
-  const auto turn = find_turn(map_.planes(), input.planes, predicted.newest().T_odom_imu());
-  if (!turn) return std::nullopt;
-  const Smoother aligned = std::exchange(smoother_, predicted);
-  const Registration learned = registration_;
-  const imu::Preintegration motion = imu::with_missed_turn(imu, *turn);
-  smoother_.replace_newest(imu::predict(before_, motion), motion, turn->norm());
-  const FeatureSet turned = turned_while_scanned(features, *turn, imu.duration_s(), T_imu_lidar_);
-  Alignment alignment =
-      align(matching::make_match_input(turned, config_.mapping, T_imu_lidar_, adapted_.feature_voxel_m),
-            smoother_.covariance().topLeftCorner<6, 6>(), true);
-  const double gain = shock_guard_.doubtful_turn_rad() > 0.0 ? kNextMissedTurnGain : kMissedTurnGain;
-  const double least = gain * static_cast<double>(match_count(straight));
-  if (alignment.is_healthy && static_cast<double>(match_count(alignment)) >= least) return alignment;
-  smoother_ = aligned;
-  registration_ = learned;
-  return std::nullopt;
-}
-
-matching::LidarInformation ScanEstimator::optimise(const FeatureSet& features,
-                                                   const std::optional<imu::Preintegration>& imu,
-                                                   EstimateResult* result) {
-  const matching::MatchInput input =
-      matching::make_match_input(features, config_.mapping, T_imu_lidar_, adapted_.feature_voxel_m);
-  const auto count = static_cast<double>(feature_count(input));
-  const auto matched_share = [count](const Alignment& alignment) {
-    return static_cast<double>(match_count(alignment)) / count;
-  };
-  std::optional<Smoother> predicted;
-  std::optional<Matrix6d> predicted_covariance;
-  std::optional<HealthMonitor::Prediction> prediction;
-  if (smoother_.newest().imu_status == imu::ImuStatus::kInitialised) {
-    const bool is_shaken = imu && imu::is_shaken(config_.sensor, imu->recent);
-    predicted = smoother_;
-    predicted_covariance = smoother_.covariance().topLeftCorner<6, 6>();
-    prediction = HealthMonitor::Prediction{smoother_.newest().T_odom_imu(), *predicted_covariance,
-                                           is_shaken || shock_guard_.is_shocked()};
-  }
-  Alignment alignment = align(input, predicted_covariance, shock_guard_.is_shocked());
-  const bool is_doubtful =
-      health_.is_unusual(matched_share(alignment)) || shock_guard_.doubtful_turn_rad() > 0.0;
-  if (predicted && imu && imu->sample_count > 0 && is_doubtful) {
-    const auto turned = align_turned(*predicted, features, input, *imu, alignment);
-    if (turned) alignment = *turned;
-    const double missed_rad = predicted->newest().q_odom_imu.angularDistance(smoother_.newest().q_odom_imu);
-    if (turned || (shock_guard_.doubtful_turn_rad() > 0.0 && missed_rad > kLeastMissedTurn)) {
-      shock_guard_.note_missed_turn(missed_rad);
-      prediction.reset();
-    }
-  }
-  result->status = alignment.status;
-  result->axis_information = alignment.axis_information;
-  result->axis_noise = alignment.axis_noise;
-  result->is_healthy = alignment.is_healthy;
-  trusted_information_ = alignment.trusted_information;
-  if (result->is_healthy) {
-    health_.add(prediction, smoother_.newest(), matched_share(alignment));
-  } else {
-    health_.add_unmatched();
-  }
-  return alignment.information;
-}
-
 /// Where the map knows nothing of the scans, but they know each other, they become the local map, and what
 /// the prediction may be off by becomes an uncertainty that stays.
 void ScanEstimator::begin_map_anew(const EstimateResult& result, const Matrix15d& covariance) {
@@ -293,7 +201,7 @@ void ScanEstimator::begin_map_anew(const EstimateResult& result, const Matrix15d
   map_ = candidate_.take();
   imu_start_.reset();
   ground_normal_.reset();
-  health_.restart();
+  aligner_.begin_map_anew();
   map_scans_ = 0;
   has_restarted_ = true;
 }
@@ -331,7 +239,7 @@ double ScanEstimator::take_out_beam_elevation() {
 
 void ScanEstimator::learn(FeatureSet features, const EstimateResult& result) {
   // A gyro that misses a turn deskews badly, too.
-  const bool is_of_use = result.is_healthy && shock_guard_.doubtful_turn_rad() == 0.0;
+  const bool is_of_use = result.is_healthy && !shock_guard_.is_gyro_doubtful();
   const bool is_settled = is_of_use && result.state.imu_status == imu::ImuStatus::kInitialised;
   const bool teaches_beams = config_.mapping.calibrate_beams && is_settled;
   const double elevation = teaches_beams ? take_out_beam_elevation() : 0.0;
@@ -356,7 +264,7 @@ bool ScanEstimator::decide_keyframe(bool is_reviewed) {
       T_keyframe_now.translation().norm() + config_.mapping.keyframe_rotation_weight_m_per_rad * rotation;
   const bool is_open =
       is_reviewed && (moving_start_ || smoother_.newest().imu_status != imu::ImuStatus::kInitialised);
-  const bool is_sheared = shock_guard_.doubtful_turn_rad() > 0.0;
+  const bool is_sheared = shock_guard_.is_gyro_doubtful();
   if (is_sheared || (has_keyframe_ ? motion <= adapted_.keyframe_distance_m : is_open)) return false;
   T_odom_keyframe_ = T;
   has_keyframe_ = true;
@@ -387,11 +295,20 @@ FeatureSet ScanEstimator::deskewed_anew(FeatureSet features, const Eigen::Vector
 /// The newest scan against the map: its pose, and what was matched.
 void ScanEstimator::match(const FeatureSet& features, const std::optional<imu::Preintegration>& imu,
                           EstimateResult* result) {
-  const matching::LidarInformation information = optimise(features, imu, result);
+  const bool is_known = smoother_.newest().imu_status == imu::ImuStatus::kInitialised && !has_restarted_;
+  const bool is_unpredicted = map_scans_ <= kStartScans && !is_known && !moving_start_;
+  const Alignment alignment =
+      aligner_.align({features, imu, before_, map_, adapted_, is_unpredicted}, &smoother_);
+  trusted_information_ = alignment.trusted_information;
+  const matching::LidarInformation& information = alignment.information;
   radius_m_ = information.radius_m;
+  result->is_healthy = alignment.is_healthy;
+  result->axis_information = alignment.axis_information;
+  result->axis_noise = alignment.axis_noise;
   result->matched_planes = information.planes;
   result->matched_edges = information.edges;
   result->matched_textures = information.textures;
+  result->status = alignment.status;
   const std::size_t matched = information.planes + 2 * information.edges;
   result->status.matched = static_cast<std::uint32_t>(matched);
   if (matched > 0)

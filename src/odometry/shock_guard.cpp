@@ -15,7 +15,7 @@ constexpr double kDoubtfulStep = 0.02;  ///< of a scan's prediction [m]
 
 double ShockGuard::add(double change_mps, double duration_s) {
   if (scans_ > 0) --scans_;
-  if (scans_ == 0) doubtful_turn_rad_ = 0.0;
+  if (scans_ == 0) doubtful_turn_.setZero();
   const double acceleration = change_mps / std::max(1e-6, duration_s);
   const double doubtful_mps =
       change_mps * std::clamp(2.0 * acceleration / shock_acceleration_mps2_ - 1.0, 0.0, 1.0);
@@ -29,11 +29,11 @@ double ShockGuard::add(double change_mps, double duration_s) {
   return doubtful_mps;
 }
 
-void ShockGuard::note_missed_turn(double turn_rad) {
+void ShockGuard::note_missed_turn(const Eigen::Vector3d& turn) {
   scans_ = kScans;
-  doubtful_turn_rad_ = turn_rad;
+  doubtful_turn_ = turn;
   std::ostringstream text;
-  text << std::fixed << std::setprecision(0) << "the scans show a turn of " << turn_rad * 180.0 / M_PI
+  text << std::fixed << std::setprecision(0) << "the scans show a turn of " << turn.norm() * 180.0 / M_PI
        << " degrees more than the gyro: a blow, or more than its range";
   reporter_->report(Severity::kWarning, "gyro_missed", text.str());
 }

@@ -174,7 +174,9 @@ class Evaluation {
       sigma.theta = kTurnRad;
       sigma.position = kShiftM;
       smoother.start(start, sigma);
-      registration_.align(input, map_, adapted, 0, true, std::nullopt, &smoother);
+      fdi_lio::odometry::Expectation expectation;
+      expectation.is_unreliable = true;
+      registration_.align(input, map_, adapted, 0, expectation, &smoother);
       const Eigen::Vector3d e = q.conjugate() * (smoother.newest().t_odom_imu - T_map_imu.translation());
       sum += e * e.transpose();
     }

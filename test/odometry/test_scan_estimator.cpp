@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <optional>
 #include <random>
 #include <vector>
@@ -7,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/odometry/estimator.hpp"
 #include "fdi_lio/odometry/imu_start.hpp"
@@ -189,6 +192,47 @@ TEST(Estimator, AnImuThatSeemsToStandIsBelievedOnlyIfTheScansSayTheSame) {
     EXPECT_NEAR(end.v_odom.x(), speed_mps, 0.1);
     EXPECT_NEAR(end.t_odom_imu.x(), speed_mps * kPeriod_s * config.imu.moving_init_scans, 0.1);
   }
+}
+
+/// A gyro that feels nothing of a turn, of which all happens in one scan of a sensor that stands: that scan
+/// is sheared. Nobody learns from it, and it is no keyframe; the next that is not sheared is.
+TEST(Estimator, AScanThatTheGyroDeskewedWronglyIsNotLearnedFrom) {
+  constexpr int kTurned = 20;
+  constexpr double kTurn = 40.0 * M_PI / 180.0;
+  Config config;
+  config.mapping.keyframe_distance_m = 1.0;
+  Reporter reporter;
+  Estimator estimator(config, &reporter);
+  std::size_t voxels = 0;
+  bool is_turned_keyframe = false;
+  for (int k = 0; k < kTurned + 8; ++k) {
+    imu::Preintegration imu =
+        steady_imu(kPeriod_s * k, Eigen::Vector3d(0.0, 0.0, config.sensor.gravity_mps2));
+    imu.recent.acceleration_std = 0.01;
+    FeatureSet features = Street().scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
+    for (Point& point : features.planes) {
+      // The turn takes the middle fifth of the scan.
+      const double share = std::clamp(5.0 * (point.time_s / kPeriod_s + 0.6), 0.0, 1.0);
+      const double turned = k < kTurned ? 0.0 : (k == kTurned ? share * kTurn : kTurn);
+      point.position =
+          (so3::exp_q(-turned * Eigen::Vector3d::UnitZ()) * point.position.cast<double>()).cast<float>();
+    }
+    const auto result = estimator.add(features, degeneracy::Degeneracy(), imu);
+    ASSERT_TRUE(result);
+    if (k == kTurned - 1) voxels = estimator.map_voxel_count();
+    if (k == kTurned) {
+      EXPECT_TRUE(reporter.has("gyro_missed"));
+      EXPECT_FALSE(result->is_keyframe);
+      EXPECT_EQ(estimator.map_voxel_count(), voxels);
+    }
+    if (k > kTurned) is_turned_keyframe = is_turned_keyframe || result->is_keyframe;
+  }
+  EXPECT_TRUE(is_turned_keyframe);
+  const imu::NavState end = *estimator.state();
+  EXPECT_LT(end.q_odom_imu.angularDistance(so3::exp_q(kTurn * Eigen::Vector3d::UnitZ())), 0.005);
+  EXPECT_LT(end.t_odom_imu.norm(), 0.05);
+  EXPECT_LT(end.v_odom.norm(), 0.05);
+  EXPECT_LT(end.gyro_bias.norm(), 0.01);
 }
 
 /// Gravity that lies across the ground by 8 degrees is not believed of what came before.

@@ -20,16 +20,18 @@ TEST(ShockGuard, DoubtsTheGyroForTwoScansMore) {
   Reporter reporter;
   ShockGuard guard(10.0, &reporter);
   guard.add(0.0, 0.1);
-  EXPECT_EQ(guard.doubtful_turn_rad(), 0.0);
-  guard.note_missed_turn(0.2);
+  EXPECT_FALSE(guard.is_gyro_doubtful());
+  const Eigen::Vector3d turn(0.0, 0.1, 0.2);
+  guard.note_missed_turn(turn);
   EXPECT_TRUE(reporter.has("gyro_missed"));
   for (int scan = 0; scan < 2; ++scan) {
     guard.add(0.0, 0.1);
-    EXPECT_EQ(guard.doubtful_turn_rad(), 0.2) << scan;
+    EXPECT_EQ(guard.doubtful_turn(), turn) << scan;
+    EXPECT_TRUE(guard.is_gyro_doubtful()) << scan;
     EXPECT_TRUE(guard.is_shocked()) << scan;
   }
   guard.add(0.0, 0.1);
-  EXPECT_EQ(guard.doubtful_turn_rad(), 0.0);
+  EXPECT_FALSE(guard.is_gyro_doubtful());
   EXPECT_FALSE(guard.is_shocked());
 }
 

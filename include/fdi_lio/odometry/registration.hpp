@@ -29,6 +29,20 @@ struct Alignment {
   bool is_healthy = true;  ///< false: no match was possible, or the solver failed
 };
 
+/// What is known of the newest state of the smoother before it is aligned.
+struct Expectation {
+  /// Of its pose, order [dtheta (body), dt (odom)]; nothing where no IMU predicts it.
+  std::optional<Matrix6d> covariance;
+  /// It is not to be relied on, as at a start or after a shock: associations are sought farther away and more
+  /// often.
+  bool is_unreliable = false;
+  /// Where the gyro is in doubt: the turn that it has missed before this scan as far as the prediction has it
+  /// already, and the one that it missed before the last scan (rotation vectors, body frame). By what is
+  /// missed, unless it goes on as it was, the scan was deskewed wrongly.
+  std::optional<Eigen::Vector3d> missed_turn;
+  Eigen::Vector3d missed_turn_before = Eigen::Vector3d::Zero();
+};
+
 /// Aligns the newest state of the smoother with the local map: associates, weighs by direction, lets the
 /// smoother solve, and begins again until nothing moves. What the scans' lines say of their mean radius is
 /// kept from scan to scan.
@@ -36,15 +50,13 @@ class Registration {
  public:
   Registration(const Config& config, Reporter* reporter);
 
-  /// `predicted_covariance`: of the newest state's pose, order [dtheta (body), dt (odom)]; nothing where no
-  /// IMU predicts it. With fewer than `least_matches` planes and edges the scan says nothing.
-  /// `is_unpredicted`: the prediction is not to be relied on, as at a start or after a shock, and
-  /// associations are sought farther away and more often.
+  /// With fewer than `least_matches` planes and edges the scan says nothing.
   Alignment align(matching::MatchInput input, const matching::LocalMap& map, const AdaptedSettings& adapted,
-                  std::size_t least_matches, bool is_unpredicted,
-                  const std::optional<Matrix6d>& predicted_covariance, Smoother* smoother);
+                  std::size_t least_matches, const Expectation& expectation, Smoother* smoother);
 
  private:
+  void add_shear(const Expectation& expectation, const imu::NavState& predicted, const imu::NavState& at,
+                 matching::LidarInformation* information) const;
   void add_directions(const matching::MatchInput& input, const matching::LocalMap& map,
                       const imu::NavState& at, const matching::MatchSettings& settings,
                       Alignment* alignment) const;

@@ -20,11 +20,10 @@
 #include "fdi_lio/odometry/calibration_report.hpp"
 #include "fdi_lio/odometry/estimate_result.hpp"
 #include "fdi_lio/odometry/estimator_input.hpp"
-#include "fdi_lio/odometry/health_monitor.hpp"
 #include "fdi_lio/odometry/imu_start.hpp"
 #include "fdi_lio/odometry/map_candidate.hpp"
 #include "fdi_lio/odometry/moving_start.hpp"
-#include "fdi_lio/odometry/registration.hpp"
+#include "fdi_lio/odometry/scan_aligner.hpp"
 #include "fdi_lio/odometry/shock_guard.hpp"
 #include "fdi_lio/odometry/smoother.hpp"
 #include "fdi_lio/odometry/stated_covariance.hpp"
@@ -80,13 +79,6 @@ class ScanEstimator {
                            const Eigen::Vector3d& v_odom) const;
   void match(const FeatureSet& features, const std::optional<imu::Preintegration>& imu,
              EstimateResult* result);
-  matching::LidarInformation optimise(const FeatureSet& features,
-                                      const std::optional<imu::Preintegration>& imu, EstimateResult* result);
-  Alignment align(const matching::MatchInput& input, const std::optional<Matrix6d>& predicted_covariance,
-                  bool is_shocked);
-  std::optional<Alignment> align_turned(const Smoother& predicted, const FeatureSet& features,
-                                        const matching::MatchInput& input, const imu::Preintegration& imu,
-                                        const Alignment& straight);
   void watch_velocity(const FeatureSet& features, const Eigen::Vector3d& v_deskew);
   void take_up_imu(const std::optional<imu::Preintegration>& imu);
   void adopt_imu(const std::optional<ImuStart::Found>& found);
@@ -103,17 +95,16 @@ class ScanEstimator {
   Reporter* reporter_;
   StageTimer timer_;
   Eigen::Isometry3d T_imu_lidar_;
-  Registration registration_;
   Smoother smoother_;
   matching::LocalMap map_;
   StatedCovariance stated_;
-  HealthMonitor health_;
   CalibrationReport calibration_report_;
   MapCandidate candidate_;
   ImuStart imu_start_;
   BeamCorrection beams_;
   BrightnessWatch brightness_;
   ShockGuard shock_guard_;
+  ScanAligner aligner_;
   TrustedInformation trusted_information_;  ///< Alignment's, of the newest scan
   std::optional<FeatureSet> first_;         ///< the first scan, until the second has come
   /// About the first scan, in odom; only where nothing but an alignment in motion tells which way is up.

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <Eigen/Core>
+
 #include "fdi_lio/common/reporter.hpp"
 
 namespace fdi_lio::odometry {
@@ -18,11 +20,12 @@ class ShockGuard {
   /// grows evenly between.
   double add(double change_mps, double duration_s);
 
-  /// The gyro has missed so much of a turn before the newest scan.
-  void note_missed_turn(double turn_rad);
+  /// The gyro has missed this turn before the newest scan (rotation vector, body frame).
+  void note_missed_turn(const Eigen::Vector3d& turn);
 
-  /// What it may miss once more before the newest scan.
-  double doubtful_turn_rad() const { return doubtful_turn_rad_; }
+  /// What it missed last, and may miss once more before the newest scan; zero while it is not in doubt.
+  const Eigen::Vector3d& doubtful_turn() const { return doubtful_turn_; }
+  bool is_gyro_doubtful() const { return !doubtful_turn_.isZero(0.0); }
 
   /// The prediction of the newest scan is not to be relied on: it may be off by more than 2 cm, or that of
   /// one of the two scans before it was.
@@ -36,7 +39,7 @@ class ShockGuard {
   double shock_acceleration_mps2_;
   Reporter* reporter_;
   int scans_ = 0;  ///< that are not to be predicted, the newest included
-  double doubtful_turn_rad_ = 0.0;
+  Eigen::Vector3d doubtful_turn_ = Eigen::Vector3d::Zero();
 };
 
 }  // namespace fdi_lio::odometry

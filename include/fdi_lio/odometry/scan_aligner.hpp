@@ -1,0 +1,58 @@
+#pragma once
+
+#include <optional>
+
+#include <Eigen/Geometry>
+
+#include "fdi_lio/common/config.hpp"
+#include "fdi_lio/common/reporter.hpp"
+#include "fdi_lio/common/scan_types.hpp"
+#include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/matching/local_map.hpp"
+#include "fdi_lio/matching/match_input.hpp"
+#include "fdi_lio/odometry/adaptation.hpp"
+#include "fdi_lio/odometry/health_monitor.hpp"
+#include "fdi_lio/odometry/registration.hpp"
+#include "fdi_lio/odometry/shock_guard.hpp"
+#include "fdi_lio/odometry/smoother.hpp"
+
+namespace fdi_lio::odometry {
+
+/// A scan that is to be aligned, and what with.
+struct AlignerInput {
+  const FeatureSet& features;                     ///< lidar frame, deskewed
+  const std::optional<imu::Preintegration>& imu;  ///< since the scan before
+  const imu::NavState& before;                    ///< what that scan was estimated to be
+  const matching::LocalMap& map;
+  const AdaptedSettings& adapted;
+  bool is_unpredicted = false;  ///< among the first scans in the map, and nothing tells the motion
+};
+
+/// Aligns one scan after another: as it is predicted, or after a turn that the gyro has missed.
+class ScanAligner {
+ public:
+  /// `shock_guard` says how far predictions are to be relied on, and is told of turns that the gyro missed.
+  ScanAligner(const Config& config, ShockGuard* shock_guard, Reporter* reporter);
+
+  /// Aligns the newest state of the smoother, which is predicted, with the map.
+  Alignment align(const AlignerInput& input, Smoother* smoother);
+
+  /// The map was begun anew: what was usual before says nothing any more.
+  void begin_map_anew() { health_.restart(); }
+
+ private:
+  matching::MatchInput match_input(const FeatureSet& features, const AlignerInput& input) const;
+  Alignment align_expected(const AlignerInput& input, const matching::MatchInput& features,
+                           const Expectation& expectation, Smoother* smoother);
+  bool align_turned(const AlignerInput& input, const matching::MatchInput& features,
+                    const Smoother& predicted, Alignment* alignment, Smoother* smoother);
+
+  MappingConfig mapping_;
+  SensorConfig sensor_;
+  Eigen::Isometry3d T_imu_lidar_;
+  Registration registration_;
+  HealthMonitor health_;
+  ShockGuard* shock_guard_;
+};
+
+}  // namespace fdi_lio::odometry
