@@ -14,7 +14,7 @@ constexpr double kMinMatchShare = 0.1;
 constexpr double kMinUsualShare = 0.4;
 constexpr double kUsualScans = 10.0;
 /// Of the usual share, where that is at least so much: what hardly knows the scans knows now more, now less.
-constexpr double kUnusualShare = 0.85;
+constexpr double kUnusualShare = 0.92;
 constexpr double kWellKnown = 0.5;
 constexpr int kLostScans = 50;
 /// The innovation is averaged over about so many scans, each counting for so much at most: a single one may
@@ -22,6 +22,9 @@ constexpr int kLostScans = 50;
 constexpr double kAveragedScans = 50.0;
 constexpr double kMostInnovationSq = 2.5;
 constexpr double kContradictionSq = 0.5;
+/// A single one is sudden from so much on, and so many times the average.
+constexpr double kSuddenSq = 0.1;
+constexpr double kSudden = 10.0;
 /// Of a scan against the map, beyond its covariance.
 constexpr double kMisfitSigmaRotation = 1e-3;  ///< [rad]
 constexpr double kMisfitSigmaPosition = 0.01;  ///< [m]
@@ -30,6 +33,13 @@ constexpr int kSettlingScans = 30;
 /// Beyond what consumer IMUs have.
 constexpr double kMaxAccelBias = 1.0;  ///< [m/s^2]
 constexpr double kMaxGyroBias = 0.1;   ///< [rad/s]
+
+/// Of a scan, in the covariance of its prediction and what may misfit.
+double innovation_sq(const HealthMonitor::Prediction& prediction, const imu::NavState& state) {
+  const Vector6d innovation = difference(prediction.T_odom_imu, state.T_odom_imu());
+  const Matrix6d covariance = prediction.covariance + isotropic(kMisfitSigmaRotation, kMisfitSigmaPosition);
+  return innovation.dot(covariance.ldlt().solve(innovation));
+}
 
 }  // namespace
 
@@ -68,12 +78,15 @@ void HealthMonitor::restart() {
   mean_innovation_sq_ = 0.0;
 }
 
+bool HealthMonitor::is_sudden(const Prediction& prediction, const imu::NavState& state) const {
+  if (prediction.is_shaken || innovations_ < kSettlingScans) return false;
+  return innovation_sq(prediction, state) > std::max(kSuddenSq, kSudden * mean_innovation_sq_);
+}
+
 void HealthMonitor::check_innovation(const Prediction& prediction, const imu::NavState& state) {
   ++innovations_;
   if (innovations_ <= kSettlingScans) return;
-  const Vector6d innovation = difference(prediction.T_odom_imu, state.T_odom_imu());
-  const Matrix6d covariance = prediction.covariance + isotropic(kMisfitSigmaRotation, kMisfitSigmaPosition);
-  const double innovation_sq = innovation.dot(covariance.ldlt().solve(innovation));
+  const double innovation_sq = odometry::innovation_sq(prediction, state);
   mean_innovation_sq_ += (std::min(innovation_sq, kMostInnovationSq) - mean_innovation_sq_) / kAveragedScans;
   if (mean_innovation_sq_ < kContradictionSq) return;
   reporter_->report(Severity::kWarning, "imu_contradiction",

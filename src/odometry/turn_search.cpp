@@ -27,7 +27,7 @@ constexpr double kLeastDistance = 0.05;
 constexpr double kHitShare = 0.7;
 constexpr double kMaxShare = 0.5;
 /// A share of the best score, and what chance may prefer.
-constexpr double kMinAdvantage = 0.05;
+constexpr double kMinAdvantage = 0.02;
 constexpr double kMinDifference = 20.0;
 
 using Turns = std::vector<Eigen::Vector3d>;

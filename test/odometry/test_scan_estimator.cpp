@@ -235,6 +235,36 @@ TEST(Estimator, AScanThatTheGyroDeskewedWronglyIsNotLearnedFrom) {
   EXPECT_LT(end.gyro_bias.norm(), 0.01);
 }
 
+/// A gyro that feels nothing of two degrees about the vertical in half a second, of which the ground, most of
+/// each scan, feels nothing either.
+TEST(Estimator, ASlowTurnThatTheGyroMissesIsFound) {
+  constexpr int kTurned = 40;
+  constexpr int kTurning = 5;
+  constexpr double kTurn = 2.0 * M_PI / 180.0;
+  Config config;
+  Reporter reporter;
+  Estimator estimator(config, &reporter);
+  for (int k = 0; k < kTurned + 20; ++k) {
+    imu::Preintegration imu =
+        steady_imu(kPeriod_s * k, Eigen::Vector3d(0.0, 0.0, config.sensor.gravity_mps2));
+    imu.recent.acceleration_std = 0.01;
+    FeatureSet features = Street().scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
+    for (Point& point : features.planes) {
+      const double scans = k - kTurned + 1 + point.time_s / kPeriod_s;
+      const double turned = std::clamp(scans / kTurning, 0.0, 1.0) * kTurn;
+      point.position =
+          (so3::exp_q(-turned * Eigen::Vector3d::UnitZ()) * point.position.cast<double>()).cast<float>();
+    }
+    ASSERT_TRUE(estimator.add(features, degeneracy::Degeneracy(), imu));
+    EXPECT_FALSE(k < kTurned && reporter.has("gyro_missed")) << k;
+  }
+  EXPECT_TRUE(reporter.has("gyro_missed"));
+  const imu::NavState end = *estimator.state();
+  EXPECT_LT(end.q_odom_imu.angularDistance(so3::exp_q(kTurn * Eigen::Vector3d::UnitZ())), 0.003);
+  EXPECT_LT(end.t_odom_imu.norm(), 0.03);
+  EXPECT_LT(end.gyro_bias.norm(), 0.003);
+}
+
 /// Gravity that lies across the ground by 8 degrees is not believed of what came before.
 TEST(Estimator, AnAlignmentThatTheGroundContradictsEstimatesNothingAnew) {
   const Config config;

@@ -15,11 +15,11 @@ constexpr double kDegree = M_PI / 180.0;
 /// Floor, two walls, and the ends of a corridor of 30 x 3 m, in the frame of the map.
 class Corridor : public ::testing::Test {
  protected:
-  Corridor() {
+  explicit Corridor(double half_width_of_floor = 1.5) {
     std::normal_distribution<double> noise(0.0, 0.01);
     for (int k = 0; k < 60000; ++k) {
       const double along = uniform(-15.0, 15.0);
-      add({along, uniform(-1.5, 1.5), noise(random_)});
+      add({along, uniform(-half_width_of_floor, half_width_of_floor), noise(random_)});
       add({along, (k % 2 == 0 ? -1.5 : 1.5) + noise(random_), uniform(0.0, 2.5)});
       if (k % 10 == 0)
         add({(k % 20 == 0 ? -15.0 : 15.0) + noise(random_), uniform(-1.5, 1.5), uniform(0.0, 2.5)});
@@ -42,6 +42,12 @@ class Corridor : public ::testing::Test {
   matching::VoxelMap map_{matching::VoxelMapConfig()};
 };
 
+/// A road between railings: most of a scan is ground, which lies on itself after any turn about the vertical.
+class Road : public Corridor {
+ protected:
+  Road() : Corridor(15.0) {}
+};
+
 Eigen::Isometry3d pose(const Eigen::Vector3d& rotation, const Eigen::Vector3d& position) {
   Eigen::Isometry3d T(so3::exp_q(rotation));
   T.pretranslate(position);
@@ -57,6 +63,21 @@ TEST_F(Corridor, FindsWhatTheGyroMissed) {
     ASSERT_TRUE(found) << missed.transpose();
     EXPECT_LT(so3::exp_q(*found).angularDistance(so3::exp_q(turn)), 2.5 * kDegree) << missed.transpose();
   }
+}
+
+TEST_F(Road, FindsATurnThatTheGroundDoesNotFeel) {
+  const Eigen::Isometry3d T_predicted = pose({0.0, 0.0, 0.3}, {2.0, 0.2, 1.2});
+  const Eigen::Vector3d turn(0.0, 0.0, 3.0 * kDegree);
+  std::vector<Eigen::Vector3d> seen;
+  std::size_t others = 0;
+  for (const Eigen::Vector3d& point : seen_from(T_predicted * so3::exp_q(turn))) {
+    if (point.norm() > 12.0) continue;
+    const bool is_ground = (T_predicted * so3::exp_q(turn) * point).z() < 0.1;
+    if (is_ground || others++ % 28 == 0) seen.push_back(point);
+  }
+  const auto found = find_turn(map_, seen, T_predicted);
+  ASSERT_TRUE(found);
+  EXPECT_LT(so3::exp_q(*found).angularDistance(so3::exp_q(turn)), 2.5 * kDegree);
 }
 
 TEST_F(Corridor, FindsNothingWhereNothingWasMissed) {

@@ -45,6 +45,9 @@ class HealthMonitor {
     bool is_shaken = false;  ///< vibration drowns the readings: what they contradict says nothing
   };
 
+  /// Whether a matched scan contradicts its prediction by far more than those before.
+  bool is_sudden(const Prediction& prediction, const imu::NavState& state) const;
+
   /// Takes what became of a matched scan, with the share of its features that found matches; no `prediction`
   /// where the IMU gave none.
   void add(const std::optional<Prediction>& prediction, const imu::NavState& state, double matched_share);

@@ -41,11 +41,25 @@ class ScanAligner {
   void begin_map_anew() { health_.restart(); }
 
  private:
+  /// A scan aligned in another way, and what that makes of all that changes with it.
+  struct Trial {
+    Alignment alignment;
+    Smoother smoother;
+    Registration registration;
+  };
+
   matching::MatchInput match_input(const FeatureSet& features, const AlignerInput& input) const;
   Alignment align_expected(const AlignerInput& input, const matching::MatchInput& features,
-                           const Expectation& expectation, Smoother* smoother);
-  bool align_turned(const AlignerInput& input, const matching::MatchInput& features,
-                    const Smoother& predicted, Alignment* alignment, Smoother* smoother);
+                           const Expectation& expectation, Smoother* smoother,
+                           Registration* registration) const;
+  Trial align_after(const imu::Preintegration& motion, double turn_error_rad, const AlignerInput& input,
+                    const matching::MatchInput& features, Expectation expectation, const Smoother& predicted);
+  Trial align_turned(const Eigen::Vector3d& turn, const AlignerInput& input, const Smoother& predicted);
+  std::optional<Eigen::Vector3d> find_near_turn(const AlignerInput& input,
+                                                const matching::MatchInput& features,
+                                                const Smoother& predicted);
+  bool take_missed_turn(const AlignerInput& input, const matching::MatchInput& features,
+                        const Smoother& predicted, Alignment* alignment, Smoother* smoother);
 
   MappingConfig mapping_;
   SensorConfig sensor_;
