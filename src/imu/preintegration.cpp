@@ -253,23 +253,19 @@ Preintegration preintegrate(const std::vector<ImuSample>& samples, Stamp from, S
   return out;
 }
 
-Preintegration with_velocity_error(const Preintegration& measured, double sigma_mps) {
+Preintegration with_error(const Preintegration& measured, const MotionError& error) {
   Preintegration out = measured;
   const double dt = std::max(1e-6, measured.duration_s());
+  const double velocity_mps = std::hypot(error.velocity_mps, error.turn_rad * measured.delta_v.norm());
   Matrix15d noise = Matrix15d::Zero();
-  set_translation_noise(dt, sigma_mps / std::sqrt(dt), &noise);
+  set_translation_noise(dt, velocity_mps / std::sqrt(dt), &noise);
+  noise.block<3, 3>(kTheta, kTheta) = error.turn_rad * error.turn_rad * Eigen::Matrix3d::Identity();
   out.covariance += noise;
   return out;
 }
 
-Preintegration with_turn_error(const Preintegration& measured, double sigma_rad) {
-  Preintegration out = with_velocity_error(measured, sigma_rad * measured.delta_v.norm());
-  out.covariance.block<3, 3>(kTheta, kTheta) += sigma_rad * sigma_rad * Eigen::Matrix3d::Identity();
-  return out;
-}
-
 Preintegration with_missed_turn(const Preintegration& measured, const Eigen::Vector3d& turn) {
-  Preintegration out = with_turn_error(measured, turn.norm());
+  Preintegration out = with_error(measured, {turn.norm(), 0.0});
   out.delta_q = (measured.delta_q * so3::exp_q(turn)).normalized();
   // What was felt at time t was turned by t / T of it: the mean of that, and twice integrated a third.
   out.delta_v = so3::exp_q(turn / 2.0) * measured.delta_v;

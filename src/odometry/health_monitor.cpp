@@ -13,8 +13,7 @@ constexpr double kMinMatchShare = 0.1;
 /// Or of the share that is usual, a mean over about so many scans.
 constexpr double kMinUsualShare = 0.4;
 constexpr double kUsualScans = 10.0;
-/// Of the usual share, where that is at least so much: what hardly knows the scans knows now more, now less.
-constexpr double kUnusualShare = 0.92;
+constexpr double kUnusualShare = 0.92;  ///< of the usual one
 constexpr double kWellKnown = 0.5;
 constexpr int kLostScans = 50;
 /// The innovation is averaged over about so many scans, each counting for so much at most: a single one may
@@ -48,8 +47,10 @@ std::size_t HealthMonitor::least_matches(std::size_t features) const {
   return std::max(kMinMatches, static_cast<std::size_t>(std::ceil(share * static_cast<double>(features))));
 }
 
-bool HealthMonitor::is_unusual(double matched_share) const {
-  return usual_share_ && *usual_share_ >= kWellKnown && matched_share < kUnusualShare * *usual_share_;
+bool HealthMonitor::is_well_known() const { return usual_share_ && *usual_share_ >= kWellKnown; }
+
+double HealthMonitor::least_usual_share() const {
+  return is_well_known() ? kUnusualShare * *usual_share_ : 0.0;
 }
 
 void HealthMonitor::add_unmatched() {
@@ -79,7 +80,7 @@ void HealthMonitor::restart() {
 }
 
 bool HealthMonitor::is_sudden(const Prediction& prediction, const imu::NavState& state) const {
-  if (prediction.is_shaken || innovations_ < kSettlingScans) return false;
+  if (prediction.is_shaken || innovations_ < kSettlingScans || !is_well_known()) return false;
   return innovation_sq(prediction, state) > std::max(kSuddenSq, kSudden * mean_innovation_sq_);
 }
 

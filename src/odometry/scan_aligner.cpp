@@ -13,16 +13,20 @@ namespace fdi_lio::odometry {
 
 namespace {
 
-/// A turn that the gyro missed makes it doubtful for longer from this on [rad].
-constexpr double kLeastMissedTurn = 0.02;
-/// One that planes a step apart do not show is what the scan turns by if the gyro may be off by so much
-/// [rad], if that is so far from what it says, squared, in the covariance of both and what scans misfit by
-/// [rad].
-constexpr double kNearTurn = 0.03;
-constexpr double kNearTurnSq = 25.0;
-constexpr double kMisfit = 1e-3;
-/// One of any size is believed if it finds more matches, by so many standard deviations of their number; soon
-/// after another by fewer.
+/// Turns and steps that the IMU missed make it doubtful for longer from these on.
+constexpr double kLeastMissedTurn = 0.02;  ///< [rad]
+constexpr double kLeastMissedStep = 0.02;  ///< [m]
+/// It may miss this before each of the next scans: what ShockGuard doubts without a scan's word is more.
+constexpr double kDoubtfulVelocity = 1.0;  ///< [m/s]
+/// What it may have missed at least, where it may have missed something: hardly anything holds the scan.
+constexpr imu::MotionError kNear{0.03, 3.0};
+/// So far, squared, the scan must be from what the IMU says, in the covariance of both and what scans misfit
+/// by.
+constexpr double kMissedSq = 25.0;
+constexpr double kMisfitSigmaRotation = 1e-3;  ///< [rad]
+constexpr double kMisfitSigmaPosition = 0.01;  ///< [m]
+/// A larger turn is believed if it finds more matches, by so many standard deviations of their number;
+/// soon after another by fewer.
 constexpr double kGain = 6.0;
 constexpr double kNextGain = 2.0;
 
@@ -39,9 +43,15 @@ double matched_share(const Alignment& alignment, const matching::MatchInput& fea
   return match_count(alignment) / static_cast<double>(feature_count(features));
 }
 
-/// Of the newest state of one against the other's (body frame).
-Eigen::Vector3d turn_between(const Smoother& from, const Smoother& to) {
-  return so3::log(Eigen::Quaterniond(from.newest().q_odom_imu.conjugate() * to.newest().q_odom_imu));
+/// A velocity that is off by so much in whatever instant of an interval makes a step of this length of it, in
+/// the root mean square.
+double velocity_error(const Eigen::Vector3d& step, double duration_s) {
+  return std::max(kNear.velocity_mps, std::sqrt(3.0) * step.norm() / duration_s);
+}
+
+/// Of the newest states, order [dtheta (body), dt (odom)].
+Vector6d difference(const Smoother& from, const Smoother& to) {
+  return fdi_lio::difference(from.newest().T_odom_imu(), to.newest().T_odom_imu());
 }
 
 Matrix6d pose_covariance(const Smoother& smoother) { return smoother.covariance().topLeftCorner<6, 6>(); }
@@ -67,79 +77,90 @@ Alignment ScanAligner::align_expected(const AlignerInput& input, const matching:
                              health_.least_matches(feature_count(features)), expectation, smoother);
 }
 
-/// Aligns the scan as it is after another motion than the IMU tells, which may be turned by `turn_error_rad`
-/// besides, and so may the motion before it.
-ScanAligner::Trial ScanAligner::align_after(const imu::Preintegration& motion, double turn_error_rad,
-                                            const AlignerInput& input, const matching::MatchInput& features,
-                                            Expectation expectation, const Smoother& predicted) {
+/// Aligns the scan after another motion than the IMU tells, and the motion before it may be off as well.
+ScanAligner::Trial ScanAligner::align_after(const imu::Preintegration& motion,
+                                            const imu::MotionError& error_before, const AlignerInput& input,
+                                            const matching::MatchInput& features, Expectation expectation,
+                                            const Smoother& predicted) const {
   Trial trial{{}, predicted, registration_};
-  trial.smoother.replace_newest(imu::predict(input.before, motion), motion, turn_error_rad);
+  trial.smoother.replace_newest(imu::predict(input.before, motion), motion, error_before);
   expectation.covariance = pose_covariance(trial.smoother);
-  expectation.is_unreliable = true;
   trial.alignment = align_expected(input, features, expectation, &trial.smoother, &trial.registration);
   return trial;
 }
 
-ScanAligner::Trial ScanAligner::align_turned(const Eigen::Vector3d& turn, const AlignerInput& input,
-                                             const Smoother& predicted) {
+/// Aligns the scan after what the IMU has missed.
+ScanAligner::Trial ScanAligner::align_missed(const Missed& missed, const AlignerInput& input,
+                                             const matching::MatchInput& features,
+                                             const Smoother& predicted) const {
   Expectation expectation;
-  expectation.missed_turn = turn;
+  expectation.is_unreliable = true;
+  if (!missed.turn) {
+    const imu::MotionError error{0.0, missed.velocity_mps};
+    return align_after(imu::with_error(*input.imu, error), error, input, features, expectation, predicted);
+  }
+  expectation.missed_turn = *missed.turn;
   expectation.missed_turn_before = shock_guard_->doubtful_turn();
-  const FeatureSet turned = turned_while_scanned(input.features, turn, input.imu->duration_s(), T_imu_lidar_);
-  return align_after(imu::with_missed_turn(*input.imu, turn), turn.norm(), input, match_input(turned, input),
+  const imu::Preintegration motion =
+      imu::with_error(imu::with_missed_turn(*input.imu, *missed.turn), {0.0, missed.velocity_mps});
+  const FeatureSet turned =
+      turned_while_scanned(input.features, *missed.turn, input.imu->duration_s(), T_imu_lidar_);
+  return align_after(motion, {missed.turn->norm(), missed.velocity_mps}, input, match_input(turned, input),
                      expectation, predicted);
 }
 
-/// The turn that the scan asks for where it need not heed the gyro, if the gyro does not explain it.
-std::optional<Eigen::Vector3d> ScanAligner::find_near_turn(const AlignerInput& input,
-                                                           const matching::MatchInput& features,
-                                                           const Smoother& predicted) {
-  const imu::Preintegration motion = imu::with_turn_error(*input.imu, kNearTurn);
-  const Trial trial = align_after(motion, kNearTurn, input, features, {}, predicted);
-  if (!trial.alignment.is_healthy) return std::nullopt;
-  const Eigen::Vector3d turn = turn_between(predicted, trial.smoother);
-  const Eigen::Matrix3d covariance =
-      (pose_covariance(predicted) + pose_covariance(trial.smoother)).topLeftCorner<3, 3>() +
-      std::pow(kMisfit, 2) * Eigen::Matrix3d::Identity();
-  if (turn.dot(covariance.ldlt().solve(turn)) < kNearTurnSq) return std::nullopt;
-  return turn;
+/// What the scan asks for where it need not heed the IMU, as far as that does not explain it. Planes are
+/// sought no farther away than ever: on open roads chance finds anything there.
+ScanAligner::Missed ScanAligner::find_missed(const AlignerInput& input, const matching::MatchInput& features,
+                                             const Smoother& predicted) const {
+  const Trial trial = align_after(imu::with_error(*input.imu, kNear), kNear, input, features, {}, predicted);
+  Missed missed;
+  if (!trial.alignment.is_healthy) return missed;
+  const Vector6d missing = difference(predicted, trial.smoother);
+  const Eigen::Vector3d turn = missing.head<3>();
+  const Eigen::Vector3d step = missing.tail<3>();
+  const Matrix6d covariance = pose_covariance(predicted) + pose_covariance(trial.smoother) +
+                              isotropic(kMisfitSigmaRotation, kMisfitSigmaPosition);
+  if (turn.dot(covariance.topLeftCorner<3, 3>().ldlt().solve(turn)) >= kMissedSq) missed.turn = turn;
+  if (step.dot(covariance.bottomRightCorner<3, 3>().ldlt().solve(step)) >= kMissedSq) {
+    missed.velocity_mps = velocity_error(step, input.imu->duration_s());
+  }
+  return missed;
 }
 
-/// The scan once more, after a turn that the gyro has missed, where one explains more of it than `alignment`
-/// does. `predicted`: before the scan was aligned. Returns whether there is one; if not, all is as it was.
-bool ScanAligner::take_missed_turn(const AlignerInput& input, const matching::MatchInput& features,
-                                   const Smoother& predicted, Alignment* alignment, Smoother* smoother) {
-  const auto take = [&](Trial&& trial) {
+/// The scan once more, after a motion that the IMU has missed, where one explains more of it than `alignment`
+/// does. `predicted`: before the scan was aligned. Returns what was missed; if nothing, all is as it was.
+ScanAligner::Missed ScanAligner::take_missed(const AlignerInput& input, const matching::MatchInput& features,
+                                             const Smoother& predicted, Alignment* alignment,
+                                             Smoother* smoother) {
+  const auto takes = [&](const Missed& missed, double least_matches) {
+    Trial trial = align_missed(missed, input, features, predicted);
+    if (!trial.alignment.is_healthy || match_count(trial.alignment) < least_matches) return false;
     *alignment = std::move(trial.alignment);
     *smoother = std::move(trial.smoother);
     registration_ = std::move(trial.registration);
+    return true;
   };
   if (const auto turn = find_turn(input.map.planes(), features.planes, predicted.newest().T_odom_imu())) {
     // Were it chance, so many would be found as were without.
     const double share = matched_share(*alignment, features);
     const double deviation = std::sqrt(share * (1.0 - share) * static_cast<double>(feature_count(features)));
     const double gain = shock_guard_->is_gyro_doubtful() ? kNextGain : kGain;
-    Trial trial = align_turned(*turn, input, predicted);
-    if (trial.alignment.is_healthy &&
-        match_count(trial.alignment) > match_count(*alignment) + gain * deviation) {
-      take(std::move(trial));
-      return true;
-    }
+    const Missed missed{turn, 0.0};
+    if (takes(missed, match_count(*alignment) + gain * deviation)) return missed;
   }
-  if (const auto turn = find_near_turn(input, features, predicted)) {
-    Trial trial = align_turned(*turn, input, predicted);
-    if (trial.alignment.is_healthy && match_count(trial.alignment) >= match_count(*alignment)) {
-      take(std::move(trial));
-      return true;
-    }
-  }
-  return false;
+  // What explains a scan leaves nothing unusual about it: within a larger turn, steps match something, too.
+  const Missed missed = find_missed(input, features, predicted);
+  const double usual = health_.least_usual_share() * static_cast<double>(feature_count(features));
+  const bool has_missed = missed.turn || missed.velocity_mps > 0.0;
+  return has_missed && takes(missed, std::max(match_count(*alignment), usual)) ? missed : Missed();
 }
 
 Alignment ScanAligner::align(const AlignerInput& input, Smoother* smoother) {
   const matching::MatchInput features = match_input(input.features, input);
-  const bool has_gyro = input.imu && input.imu->sample_count > 0;
+  const bool has_imu = input.imu && input.imu->sample_count > 0;
   const bool is_gyro_doubtful = shock_guard_->is_gyro_doubtful();
+  const bool is_accel_doubtful = shock_guard_->is_accel_doubtful();
   Expectation expectation;
   expectation.is_unreliable = input.is_unpredicted || shock_guard_->is_shocked();
   if (is_gyro_doubtful) {
@@ -156,13 +177,21 @@ Alignment ScanAligner::align(const AlignerInput& input, Smoother* smoother) {
                                            is_shaken || shock_guard_->is_shocked()};
   }
   Alignment alignment = align_expected(input, features, expectation, smoother, &registration_);
-  const bool is_doubtful = is_gyro_doubtful || health_.is_unusual(matched_share(alignment, features)) ||
+  const bool is_doubtful = is_gyro_doubtful ||
+                           matched_share(alignment, features) < health_.least_usual_share() ||
                            (prediction && health_.is_sudden(*prediction, smoother->newest()));
-  if (predicted && has_gyro && is_doubtful) {
-    const bool is_turned = take_missed_turn(input, features, *predicted, &alignment, smoother);
-    const Eigen::Vector3d missed = turn_between(*predicted, *smoother);
-    if (is_turned || (is_gyro_doubtful && missed.norm() > kLeastMissedTurn)) {
-      shock_guard_->note_missed_turn(missed);
+  if (predicted && has_imu) {
+    const Missed missed =
+        is_doubtful ? take_missed(input, features, *predicted, &alignment, smoother) : Missed();
+    const Vector6d missing = difference(*predicted, *smoother);
+    const Eigen::Vector3d turn = missing.head<3>();
+    const Eigen::Vector3d step = missing.tail<3>();
+    if (missed.turn || (is_gyro_doubtful && turn.norm() > kLeastMissedTurn)) {
+      shock_guard_->note_missed_turn(turn);
+      prediction.reset();
+    }
+    if (missed.velocity_mps > 0.0 || (is_accel_doubtful && step.norm() > kLeastMissedStep)) {
+      shock_guard_->note_missed_step(step.norm(), kDoubtfulVelocity);
       prediction.reset();
     }
   }

@@ -128,8 +128,7 @@ void ScanEstimator::predict(const FeatureSet& features, const std::optional<imu:
   if (newest.imu_status == imu::ImuStatus::kInitialised) {
     const imu::NavState predicted = imu::predict(newest, *imu);
     const double error_mps = shock_guard_.add((predicted.v_odom - newest.v_odom).norm(), imu->duration_s());
-    const imu::Preintegration motion = imu::with_velocity_error(*imu, error_mps);
-    smoother_.add(predicted, imu::with_turn_error(motion, shock_guard_.doubtful_turn().norm()), true,
+    smoother_.add(predicted, imu::with_error(*imu, {shock_guard_.doubtful_turn().norm(), error_mps}), true,
                   bend_to(predicted));
     return;
   }

@@ -169,12 +169,12 @@ void Smoother::add(const imu::NavState& predicted, const imu::Preintegration& mo
 }
 
 void Smoother::replace_newest(const imu::NavState& predicted, const imu::Preintegration& motion,
-                              double turn_error_rad) {
+                              const imu::MotionError& error_before) {
   window_.back().state = predicted;
   window_.back().motion = motion;
   window_.back().lidar.reset();
   Entry& before = window_[window_.size() - 2];
-  if (before.has_motion) before.motion = imu::with_turn_error(before.motion, turn_error_rad);
+  if (before.has_motion) before.motion = imu::with_error(before.motion, error_before);
 }
 
 void Smoother::reduce_beam_elevation(double taken_out) {

@@ -180,7 +180,7 @@ TEST(Preintegration, AnErrorOfVelocityIsOneOfPositionToo) {
   Preintegration measured;
   measured.to = add_seconds(measured.from, 0.1);
   measured.covariance = 1e-4 * Matrix15d::Identity();
-  const Matrix15d added = with_velocity_error(measured, kSigma).covariance - measured.covariance;
+  const Matrix15d added = with_error(measured, {0.0, kSigma}).covariance - measured.covariance;
   std::mt19937 generator(1);
   std::normal_distribution<double> strength(0.0, kSigma);
   std::uniform_real_distribution<double> left_s(0.0, 0.1);

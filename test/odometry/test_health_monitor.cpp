@@ -43,14 +43,13 @@ TEST(HealthMonitor, WhereTheMapKnowsLittleASmallShareIsEnough) {
 TEST(HealthMonitor, AShareFarBelowThoseBeforeIsUnusual) {
   Reporter reporter;
   HealthMonitor monitor(&reporter);
-  EXPECT_FALSE(monitor.is_unusual(0.0));
+  EXPECT_EQ(monitor.least_usual_share(), 0.0);
   add_matched(0.8, 30, &monitor);
-  EXPECT_FALSE(monitor.is_unusual(0.75));
-  EXPECT_TRUE(monitor.is_unusual(0.72));
+  EXPECT_NEAR(monitor.least_usual_share(), 0.736, 1e-3);
   add_matched(0.6, 60, &monitor);
-  EXPECT_FALSE(monitor.is_unusual(0.56));
+  EXPECT_NEAR(monitor.least_usual_share(), 0.552, 1e-3);
   add_matched(0.4, 60, &monitor);
-  EXPECT_FALSE(monitor.is_unusual(0.1));
+  EXPECT_EQ(monitor.least_usual_share(), 0.0);
 }
 
 /// Predictions that miss by draws from `sigma` in each of the six directions, with a covariance that says 1

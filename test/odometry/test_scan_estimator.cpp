@@ -265,6 +265,30 @@ TEST(Estimator, ASlowTurnThatTheGyroMissesIsFound) {
   EXPECT_LT(end.gyro_bias.norm(), 0.003);
 }
 
+/// An accelerometer that feels 2 m/s^2 ahead for half a second, as a car would: the sensor stands. Until that
+/// is noticed the few fronts that tell the way are mapped where they seem to be; the velocity must not stay.
+TEST(Estimator, AnAccelerationThatTheScansContradictIsNotBelieved) {
+  constexpr int kStruck = 40;
+  Config config;
+  Reporter reporter;
+  Estimator estimator(config, &reporter);
+  for (int k = 0; k < kStruck + 20; ++k) {
+    const bool is_struck = k >= kStruck && k < kStruck + 5;
+    imu::Preintegration imu =
+        steady_imu(kPeriod_s * k, Eigen::Vector3d(is_struck ? 2.0 : 0.0, 0.0, config.sensor.gravity_mps2));
+    imu.recent.acceleration_std = 0.01;
+    const FeatureSet features = Street().scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
+    ASSERT_TRUE(estimator.add(features, degeneracy::Degeneracy(), imu));
+    EXPECT_FALSE(k < kStruck && reporter.has("accel_missed")) << k;
+  }
+  EXPECT_TRUE(reporter.has("accel_missed"));
+  EXPECT_FALSE(reporter.has("gyro_missed"));
+  const imu::NavState end = *estimator.state();
+  EXPECT_LT(end.t_odom_imu.norm(), 0.5);
+  EXPECT_LT(end.v_odom.norm(), 0.05);
+  EXPECT_LT(end.accel_bias.norm(), 0.1);
+}
+
 /// Gravity that lies across the ground by 8 degrees is not believed of what came before.
 TEST(Estimator, AnAlignmentThatTheGroundContradictsEstimatesNothingAnew) {
   const Config config;

@@ -35,6 +35,24 @@ TEST(ShockGuard, DoubtsTheGyroForTwoScansMore) {
   EXPECT_FALSE(guard.is_shocked());
 }
 
+TEST(ShockGuard, DoubtsTheAccelerometerForTwoScansMore) {
+  Reporter reporter;
+  ShockGuard guard(10.0, &reporter);
+  guard.add(0.0, 0.1);
+  EXPECT_FALSE(guard.is_accel_doubtful());
+  guard.note_missed_step(0.1, 2.0);
+  EXPECT_TRUE(reporter.has("accel_missed"));
+  EXPECT_TRUE(guard.is_shocked());
+  EXPECT_EQ(guard.add(0.0, 0.1), 2.0);
+  EXPECT_TRUE(guard.is_accel_doubtful());
+  EXPECT_FALSE(guard.is_gyro_doubtful());
+  // More than that may be false by itself.
+  EXPECT_EQ(guard.add(3.0, 0.1), 3.0);
+  for (int scan = 0; scan < 2; ++scan) EXPECT_EQ(guard.add(0.0, 0.1), 2.0);
+  EXPECT_EQ(guard.add(0.0, 0.1), 0.0);
+  EXPECT_FALSE(guard.is_accel_doubtful());
+}
+
 TEST(ShockGuard, IsOnItsGuardForThreeScans) {
   Reporter reporter;
   ShockGuard guard(10.0, &reporter);

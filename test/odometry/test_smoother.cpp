@@ -207,7 +207,7 @@ TEST_F(Window, AReplacedMotionKeepsAMissedTurnOutOfTheBias) {
       smoother.add(imu::predict(before, p), p, true, Eigen::Vector3d::Zero());
       if (is_struck && is_replaced) {
         const imu::Preintegration motion = imu::with_missed_turn(p, turn);
-        smoother.replace_newest(imu::predict(before, motion), motion, turn.norm());
+        smoother.replace_newest(imu::predict(before, motion), motion, {turn.norm(), 0.0});
       }
       smoother.set_lidar(lidar_at(motion_.state(0.1 * (k + 1))));
       ASSERT_TRUE(smoother.solve());

@@ -44,13 +44,12 @@ Preintegration constant_velocity(const NavState& state, Stamp to, const ImuConfi
 /// all that can be used while gravity is unknown.
 Preintegration gyro_only(const Preintegration& measured, const ImuConfig& config);
 
-/// The motion with its change of velocity off by `sigma_mps` besides (standard deviation along each axis),
-/// in whatever instant of the interval.
-Preintegration with_velocity_error(const Preintegration& measured, double sigma_mps);
-
-/// The motion turned by another `sigma_rad` besides (standard deviation about each axis), in whatever instant
-/// of the interval, and with it what the accelerometer felt.
-Preintegration with_turn_error(const Preintegration& measured, double sigma_rad);
+/// By what a motion may be off besides, in whatever instant of the interval (standard deviations).
+struct MotionError {
+  double turn_rad = 0.0;      ///< about each axis, and with it what the accelerometer felt
+  double velocity_mps = 0.0;  ///< of the change of velocity along each axis
+};
+Preintegration with_error(const Preintegration& measured, const MotionError& error);
 
 /// The motion with a turn besides that the gyro has missed [rad], evenly over the interval or not quite: as
 /// uncertain as it is large.

@@ -30,9 +30,9 @@ class HealthMonitor {
   /// How many of a scan's features must find matches, so that these can correct its pose.
   std::size_t least_matches(std::size_t features) const;
 
-  /// Whether a scan finds matches for a far smaller share of its features than the ones before, of which the
-  /// map knows at least half.
-  bool is_unusual(double matched_share) const;
+  /// The share of its features that a scan finds matches for unless something is wrong, by the ones before; 0
+  /// where the map knows less than half of those.
+  double least_usual_share() const;
 
   /// A scan was not matched: its pose is a prediction.
   void add_unmatched();
@@ -56,6 +56,7 @@ class HealthMonitor {
   void restart();
 
  private:
+  bool is_well_known() const;
   void check_innovation(const Prediction& prediction, const imu::NavState& state);
   void check_biases(const imu::NavState& state);
 

@@ -8,6 +8,7 @@
 #include "fdi_lio/common/reporter.hpp"
 #include "fdi_lio/common/scan_types.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/matching/local_map.hpp"
 #include "fdi_lio/matching/match_input.hpp"
 #include "fdi_lio/odometry/adaptation.hpp"
@@ -28,10 +29,10 @@ struct AlignerInput {
   bool is_unpredicted = false;  ///< among the first scans in the map, and nothing tells the motion
 };
 
-/// Aligns one scan after another: as it is predicted, or after a turn that the gyro has missed.
+/// Aligns one scan after another: as it is predicted, or after a motion that the IMU has missed.
 class ScanAligner {
  public:
-  /// `shock_guard` says how far predictions are to be relied on, and is told of turns that the gyro missed.
+  /// `shock_guard` says how far predictions are to be relied on, and is told of what the IMU missed.
   ScanAligner(const Config& config, ShockGuard* shock_guard, Reporter* reporter);
 
   /// Aligns the newest state of the smoother, which is predicted, with the map.
@@ -47,19 +48,25 @@ class ScanAligner {
     Smoother smoother;
     Registration registration;
   };
+  /// What the IMU missed of the motion before a scan.
+  struct Missed {
+    std::optional<Eigen::Vector3d> turn;  ///< rotation vector, body frame
+    double velocity_mps = 0.0;            ///< by what its change of velocity may be off; 0: by nothing
+  };
 
   matching::MatchInput match_input(const FeatureSet& features, const AlignerInput& input) const;
   Alignment align_expected(const AlignerInput& input, const matching::MatchInput& features,
                            const Expectation& expectation, Smoother* smoother,
                            Registration* registration) const;
-  Trial align_after(const imu::Preintegration& motion, double turn_error_rad, const AlignerInput& input,
-                    const matching::MatchInput& features, Expectation expectation, const Smoother& predicted);
-  Trial align_turned(const Eigen::Vector3d& turn, const AlignerInput& input, const Smoother& predicted);
-  std::optional<Eigen::Vector3d> find_near_turn(const AlignerInput& input,
-                                                const matching::MatchInput& features,
-                                                const Smoother& predicted);
-  bool take_missed_turn(const AlignerInput& input, const matching::MatchInput& features,
-                        const Smoother& predicted, Alignment* alignment, Smoother* smoother);
+  Trial align_after(const imu::Preintegration& motion, const imu::MotionError& error_before,
+                    const AlignerInput& input, const matching::MatchInput& features, Expectation expectation,
+                    const Smoother& predicted) const;
+  Trial align_missed(const Missed& missed, const AlignerInput& input, const matching::MatchInput& features,
+                     const Smoother& predicted) const;
+  Missed find_missed(const AlignerInput& input, const matching::MatchInput& features,
+                     const Smoother& predicted) const;
+  Missed take_missed(const AlignerInput& input, const matching::MatchInput& features,
+                     const Smoother& predicted, Alignment* alignment, Smoother* smoother);
 
   MappingConfig mapping_;
   SensorConfig sensor_;

@@ -7,6 +7,7 @@
 
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/odometry/factors.hpp"
 
 namespace fdi_lio::odometry {
@@ -49,10 +50,10 @@ class Smoother {
   void add(const imu::NavState& predicted, const imu::Preintegration& motion, bool with_gravity,
            const Eigen::Vector3d& bend);
 
-  /// The newest state by another prediction instead of the one that it was added with. `turn_error_rad`: by
-  /// what the motion before that one may be off, too (imu::with_turn_error()).
+  /// The newest state by another prediction instead of the one that it was added with. `error_before`: of the
+  /// motion before that one.
   void replace_newest(const imu::NavState& predicted, const imu::Preintegration& motion,
-                      double turn_error_rad);
+                      const imu::MotionError& error_before);
 
   /// This much of NavState::beam_elevation [rad] is taken out of the scans from now on.
   void reduce_beam_elevation(double taken_out);
