@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <random>
 #include <vector>
@@ -194,6 +195,14 @@ TEST(Estimator, AnImuThatSeemsToStandIsBelievedOnlyIfTheScansSayTheSame) {
   }
 }
 
+/// As a sensor sees the features that has turned by `turned_at(time of the point)` [rad] about the vertical.
+void turn(const std::function<double(double)>& turned_at, FeatureSet* features) {
+  for (Point& point : features->planes) {
+    const Eigen::Quaterniond q = so3::exp_q(-turned_at(point.time_s) * Eigen::Vector3d::UnitZ());
+    point.position = (q * point.position.cast<double>()).cast<float>();
+  }
+}
+
 /// A gyro that feels nothing of a turn, of which all happens in one scan of a sensor that stands: that scan
 /// is sheared. Nobody learns from it, and it is no keyframe; the next that is not sheared is.
 TEST(Estimator, AScanThatTheGyroDeskewedWronglyIsNotLearnedFrom) {
@@ -210,13 +219,13 @@ TEST(Estimator, AScanThatTheGyroDeskewedWronglyIsNotLearnedFrom) {
         steady_imu(kPeriod_s * k, Eigen::Vector3d(0.0, 0.0, config.sensor.gravity_mps2));
     imu.recent.acceleration_std = 0.01;
     FeatureSet features = Street().scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
-    for (Point& point : features.planes) {
-      // The turn takes the middle fifth of the scan.
-      const double share = std::clamp(5.0 * (point.time_s / kPeriod_s + 0.6), 0.0, 1.0);
-      const double turned = k < kTurned ? 0.0 : (k == kTurned ? share * kTurn : kTurn);
-      point.position =
-          (so3::exp_q(-turned * Eigen::Vector3d::UnitZ()) * point.position.cast<double>()).cast<float>();
-    }
+    // The turn takes the middle fifth of the scan.
+    turn(
+        [k](double time_s) {
+          const double share = std::clamp(5.0 * (time_s / kPeriod_s + 0.6), 0.0, 1.0);
+          return k < kTurned ? 0.0 : (k == kTurned ? share * kTurn : kTurn);
+        },
+        &features);
     const auto result = estimator.add(features, degeneracy::Degeneracy(), imu);
     ASSERT_TRUE(result);
     if (k == kTurned - 1) voxels = estimator.map_voxel_count();
@@ -249,12 +258,12 @@ TEST(Estimator, ASlowTurnThatTheGyroMissesIsFound) {
         steady_imu(kPeriod_s * k, Eigen::Vector3d(0.0, 0.0, config.sensor.gravity_mps2));
     imu.recent.acceleration_std = 0.01;
     FeatureSet features = Street().scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
-    for (Point& point : features.planes) {
-      const double scans = k - kTurned + 1 + point.time_s / kPeriod_s;
-      const double turned = std::clamp(scans / kTurning, 0.0, 1.0) * kTurn;
-      point.position =
-          (so3::exp_q(-turned * Eigen::Vector3d::UnitZ()) * point.position.cast<double>()).cast<float>();
-    }
+    turn(
+        [k](double time_s) {
+          const double scans = k - kTurned + 1 + time_s / kPeriod_s;
+          return std::clamp(scans / kTurning, 0.0, 1.0) * kTurn;
+        },
+        &features);
     ASSERT_TRUE(estimator.add(features, degeneracy::Degeneracy(), imu));
     EXPECT_FALSE(k < kTurned && reporter.has("gyro_missed")) << k;
   }
