@@ -22,6 +22,8 @@ namespace fdi_lio::odometry {
 ///   both say, again and again: e' (P + R)^-1 e, with e the correction, P the covariance of the prediction
 ///   and R that of scans that do not quite fit the map (1 mrad, 1 cm: beams, edges, the map's own errors),
 ///   is above 0.5 on the average over 50 scans. P is cautious, so that it stays below 0.2 while all is well.
+/// - **Doubtful** is a single scan that matches far less than the ones before (least_usual_share()), or
+///   contradicts its prediction far more (is_sudden()): the IMU may have missed something (ScanAligner).
 /// - **Implausible biases**: no sensor in use has them, so something else hides in them.
 class HealthMonitor {
  public:
@@ -45,7 +47,9 @@ class HealthMonitor {
     bool is_shaken = false;  ///< vibration drowns the readings: what they contradict says nothing
   };
 
-  /// Whether a matched scan contradicts its prediction by far more than those before.
+  /// Whether a matched scan contradicts its prediction by far more than those before: e' (P + R)^-1 e is
+  /// above 0.1 and ten times its average. Never within the first 30 scans of a map, while vibration drowns
+  /// the readings, or where the map usually knows less than half of the features.
   bool is_sudden(const Prediction& prediction, const imu::NavState& state) const;
 
   /// Takes what became of a matched scan, with the share of its features that found matches; no `prediction`
