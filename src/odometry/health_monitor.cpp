@@ -24,9 +24,6 @@ constexpr double kContradictionSq = 0.5;
 /// A single one is sudden from so much on, and so many times the average.
 constexpr double kSuddenSq = 0.1;
 constexpr double kSudden = 10.0;
-/// Of a scan against the map, beyond its covariance.
-constexpr double kMisfitSigmaRotation = 1e-3;  ///< [rad]
-constexpr double kMisfitSigmaPosition = 0.01;  ///< [m]
 /// After a beginning biases and velocity find their values first.
 constexpr int kSettlingScans = 30;
 /// Beyond what consumer IMUs have.
@@ -36,7 +33,7 @@ constexpr double kMaxGyroBias = 0.1;   ///< [rad/s]
 /// Of a scan, in the covariance of its prediction and what may misfit.
 double innovation_sq(const HealthMonitor::Prediction& prediction, const imu::NavState& state) {
   const Vector6d innovation = difference(prediction.T_odom_imu, state.T_odom_imu());
-  const Matrix6d covariance = prediction.covariance + isotropic(kMisfitSigmaRotation, kMisfitSigmaPosition);
+  const Matrix6d covariance = prediction.covariance + HealthMonitor::misfit();
   return innovation.dot(covariance.ldlt().solve(innovation));
 }
 

@@ -23,8 +23,6 @@ constexpr imu::MotionError kNear{0.03, 3.0};
 /// So far, squared, the scan must be from what the IMU says, in the covariance of both and what scans misfit
 /// by.
 constexpr double kMissedSq = 25.0;
-constexpr double kMisfitSigmaRotation = 1e-3;  ///< [rad]
-constexpr double kMisfitSigmaPosition = 0.01;  ///< [m]
 /// A larger turn is believed if it finds more matches, by so many standard deviations of their number;
 /// soon after another by fewer.
 constexpr double kGain = 6.0;
@@ -119,8 +117,8 @@ ScanAligner::Missed ScanAligner::find_missed(const AlignerInput& input, const ma
   const Vector6d missing = difference(predicted, trial.smoother);
   const Eigen::Vector3d turn = missing.head<3>();
   const Eigen::Vector3d step = missing.tail<3>();
-  const Matrix6d covariance = pose_covariance(predicted) + pose_covariance(trial.smoother) +
-                              isotropic(kMisfitSigmaRotation, kMisfitSigmaPosition);
+  const Matrix6d covariance =
+      pose_covariance(predicted) + pose_covariance(trial.smoother) + HealthMonitor::misfit();
   if (turn.dot(covariance.topLeftCorner<3, 3>().ldlt().solve(turn)) >= kMissedSq) missed.turn = turn;
   if (step.dot(covariance.bottomRightCorner<3, 3>().ldlt().solve(step)) >= kMissedSq) {
     missed.velocity_mps = velocity_error(step, input.imu->duration_s());

@@ -201,6 +201,18 @@ TEST(Preintegration, AnErrorOfVelocityIsOneOfPositionToo) {
   EXPECT_NEAR(added.topLeftCorner(3, 3).norm() + added.bottomRightCorner(6, 6).norm(), 0.0, 1e-12);
 }
 
+TEST(Preintegration, AnErrorOfTheTurnTurnsWhatWasFelt) {
+  Preintegration measured;
+  measured.to = add_seconds(measured.from, 0.1);
+  measured.delta_v = Eigen::Vector3d(0.0, 0.6, 0.8);
+  const Matrix15d added = with_error(measured, {0.05, 0.0}).covariance - measured.covariance;
+  const Matrix15d felt = with_error(measured, {0.0, 0.05}).covariance - measured.covariance;
+  EXPECT_LT((added.topLeftCorner<3, 3>() - 0.05 * 0.05 * Eigen::Matrix3d::Identity()).norm(), 1e-12);
+  EXPECT_LT((added.bottomRightCorner<12, 12>() - felt.bottomRightCorner<12, 12>()).norm(), 1e-12);
+  const Matrix15d both = with_error(measured, {0.05, 0.12}).covariance - measured.covariance;
+  EXPECT_NEAR(both(8, 8), 0.13 * 0.13, 1e-12);
+}
+
 TEST(Preintegration, NoReadingGivesNoSamples) {
   const Preintegration p = preintegrate({}, 0, to_nanoseconds(0.1), Eigen::Vector3d::Zero(),
                                         Eigen::Vector3d::Zero(), kNoise, ImuConfig());

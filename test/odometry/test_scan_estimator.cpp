@@ -195,6 +195,19 @@ TEST(Estimator, AnImuThatSeemsToStandIsBelievedOnlyIfTheScansSayTheSame) {
   }
 }
 
+/// Of a sensor that stands.
+FeatureSet standing_scan(int k) {
+  return Street().scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
+}
+
+/// What its IMU feels, and besides that `ahead_mps2`.
+imu::Preintegration standing_imu(int k, double ahead_mps2 = 0.0) {
+  imu::Preintegration imu =
+      steady_imu(kPeriod_s * k, Eigen::Vector3d(ahead_mps2, 0.0, SensorConfig().gravity_mps2));
+  imu.recent.acceleration_std = 0.01;
+  return imu;
+}
+
 /// As a sensor sees the features that has turned by `turned_at(time of the point)` [rad] about the vertical.
 void turn(const std::function<double(double)>& turned_at, FeatureSet* features) {
   for (Point& point : features->planes) {
@@ -215,10 +228,7 @@ TEST(Estimator, AScanThatTheGyroDeskewedWronglyIsNotLearnedFrom) {
   std::size_t voxels = 0;
   bool is_turned_keyframe = false;
   for (int k = 0; k < kTurned + 8; ++k) {
-    imu::Preintegration imu =
-        steady_imu(kPeriod_s * k, Eigen::Vector3d(0.0, 0.0, config.sensor.gravity_mps2));
-    imu.recent.acceleration_std = 0.01;
-    FeatureSet features = Street().scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
+    FeatureSet features = standing_scan(k);
     // The turn takes the middle fifth of the scan.
     turn(
         [k](double time_s) {
@@ -226,7 +236,7 @@ TEST(Estimator, AScanThatTheGyroDeskewedWronglyIsNotLearnedFrom) {
           return k < kTurned ? 0.0 : (k == kTurned ? share * kTurn : kTurn);
         },
         &features);
-    const auto result = estimator.add(features, degeneracy::Degeneracy(), imu);
+    const auto result = estimator.add(features, degeneracy::Degeneracy(), standing_imu(k));
     ASSERT_TRUE(result);
     if (k == kTurned - 1) voxels = estimator.map_voxel_count();
     if (k == kTurned) {
@@ -254,17 +264,14 @@ TEST(Estimator, ASlowTurnThatTheGyroMissesIsFound) {
   Reporter reporter;
   Estimator estimator(config, &reporter);
   for (int k = 0; k < kTurned + 20; ++k) {
-    imu::Preintegration imu =
-        steady_imu(kPeriod_s * k, Eigen::Vector3d(0.0, 0.0, config.sensor.gravity_mps2));
-    imu.recent.acceleration_std = 0.01;
-    FeatureSet features = Street().scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
+    FeatureSet features = standing_scan(k);
     turn(
         [k](double time_s) {
           const double scans = k - kTurned + 1 + time_s / kPeriod_s;
           return std::clamp(scans / kTurning, 0.0, 1.0) * kTurn;
         },
         &features);
-    ASSERT_TRUE(estimator.add(features, degeneracy::Degeneracy(), imu));
+    ASSERT_TRUE(estimator.add(features, degeneracy::Degeneracy(), standing_imu(k)));
     EXPECT_FALSE(k < kTurned && reporter.has("gyro_missed")) << k;
   }
   EXPECT_TRUE(reporter.has("gyro_missed"));
@@ -283,11 +290,8 @@ TEST(Estimator, AnAccelerationThatTheScansContradictIsNotBelieved) {
   Estimator estimator(config, &reporter);
   for (int k = 0; k < kStruck + 20; ++k) {
     const bool is_struck = k >= kStruck && k < kStruck + 5;
-    imu::Preintegration imu =
-        steady_imu(kPeriod_s * k, Eigen::Vector3d(is_struck ? 2.0 : 0.0, 0.0, config.sensor.gravity_mps2));
-    imu.recent.acceleration_std = 0.01;
-    const FeatureSet features = Street().scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
-    ASSERT_TRUE(estimator.add(features, degeneracy::Degeneracy(), imu));
+    const imu::Preintegration imu = standing_imu(k, is_struck ? 2.0 : 0.0);
+    ASSERT_TRUE(estimator.add(standing_scan(k), degeneracy::Degeneracy(), imu));
     EXPECT_FALSE(k < kStruck && reporter.has("accel_missed")) << k;
   }
   EXPECT_TRUE(reporter.has("accel_missed"));

@@ -29,6 +29,10 @@ class HealthMonitor {
  public:
   explicit HealthMonitor(Reporter* reporter) : reporter_(reporter) {}
 
+  /// R: covariance of scans that do not quite fit the map, beyond what they state; order [dtheta (body), dt
+  /// (odom)].
+  static Matrix6d misfit() { return isotropic(1e-3, 0.01); }
+
   /// How many of a scan's features must find matches, so that these can correct its pose.
   std::size_t least_matches(std::size_t features) const;
 
