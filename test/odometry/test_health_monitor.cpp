@@ -89,6 +89,11 @@ TEST(HealthMonitor, AScanThatContradictsFarMoreThanOthersIsSudden) {
   add_predictions(0.25e-3, 2.5e-3, 300, &monitor);
   EXPECT_FALSE(is_sudden(monitor, 1.5e-3, 0.0));
   EXPECT_TRUE(is_sudden(monitor, 2.5e-3, 0.0));
+  // What the map hardly knows contradicts now and then.
+  add_matched(0.4, 60, &monitor);
+  EXPECT_FALSE(is_sudden(monitor, 1.0, 1.0));
+  add_matched(0.7, 60, &monitor);
+  EXPECT_TRUE(is_sudden(monitor, 2.5e-3, 0.0));
   monitor.restart();
   EXPECT_FALSE(is_sudden(monitor, 1.0, 1.0));
 }
