@@ -76,9 +76,9 @@ void HealthMonitor::restart() {
   mean_innovation_sq_ = 0.0;
 }
 
-bool HealthMonitor::is_sudden(const Prediction& prediction, const imu::NavState& state) const {
-  if (prediction.is_shaken || innovations_ < kSettlingScans || !is_well_known()) return false;
-  return innovation_sq(prediction, state) > std::max(kSuddenSq, kSudden * mean_innovation_sq_);
+double HealthMonitor::suddenness(const Prediction& prediction, const imu::NavState& state) const {
+  if (prediction.is_shaken || innovations_ < kSettlingScans || !is_well_known()) return 0.0;
+  return innovation_sq(prediction, state) / std::max(kSuddenSq, kSudden * mean_innovation_sq_);
 }
 
 void HealthMonitor::check_innovation(const Prediction& prediction, const imu::NavState& state) {

@@ -23,6 +23,10 @@ constexpr imu::MotionError kNear{0.03, 3.0};
 /// So far, squared, the scan must be from what the IMU says, in the covariance of both and what scans misfit
 /// by.
 constexpr double kMissedSq = 25.0;
+/// Trust in the IMU hides what it misses: a scan that contradicts it has little weight. So one is asked that
+/// is only so sudden, and so many after it.
+constexpr double kNoticeable = 0.2;
+constexpr int kWatchedScans = 2;
 /// A larger turn is believed if it finds more matches, by so many standard deviations of their number;
 /// soon after another by fewer.
 constexpr double kGain = 6.0;
@@ -129,8 +133,8 @@ ScanAligner::Missed ScanAligner::find_missed(const AlignerInput& input, const ma
 /// The scan once more, after a motion that the IMU has missed, where one explains more of it than `alignment`
 /// does. `predicted`: before the scan was aligned. Returns what was missed; if nothing, all is as it was.
 ScanAligner::Missed ScanAligner::take_missed(const AlignerInput& input, const matching::MatchInput& features,
-                                             const Smoother& predicted, Alignment* alignment,
-                                             Smoother* smoother) {
+                                             const Smoother& predicted, const Doubt& doubt,
+                                             Alignment* alignment, Smoother* smoother) {
   const auto takes = [&](const Missed& missed, double least_matches) {
     Trial trial = align_missed(missed, input, features, predicted);
     if (!trial.alignment.is_healthy || match_count(trial.alignment) < least_matches) return false;
@@ -139,29 +143,58 @@ ScanAligner::Missed ScanAligner::take_missed(const AlignerInput& input, const ma
     registration_ = std::move(trial.registration);
     return true;
   };
-  if (const auto turn = find_turn(input.map.planes(), features.planes, predicted.newest().T_odom_imu())) {
-    // Were it chance, so many would be found as were without.
-    const double share = matched_share(*alignment, features);
-    const double deviation = std::sqrt(share * (1.0 - share) * static_cast<double>(feature_count(features)));
+  const double matches = match_count(*alignment);
+  // By so many more or fewer a second alignment differs by chance.
+  const double share = matched_share(*alignment, features);
+  const double deviation = std::sqrt(share * (1.0 - share) * static_cast<double>(feature_count(features)));
+  const auto turn = doubt.of_large_turns
+                        ? find_turn(input.map.planes(), features.planes, predicted.newest().T_odom_imu())
+                        : std::nullopt;
+  if (turn) {
     const double gain = shock_guard_->is_gyro_doubtful() ? kNextGain : kGain;
     const Missed missed{turn, 0.0};
-    if (takes(missed, match_count(*alignment) + gain * deviation)) return missed;
+    if (takes(missed, matches + gain * deviation)) return missed;
   }
   // What explains a scan leaves nothing unusual about it: within a larger turn, steps match something, too.
   const Missed missed = find_missed(input, features, predicted);
   const double usual = health_.least_usual_share() * static_cast<double>(feature_count(features));
   const bool has_missed = missed.turn || missed.velocity_mps > 0.0;
-  return has_missed && takes(missed, std::max(match_count(*alignment), usual)) ? missed : Missed();
+  return has_missed && takes(missed, std::max(matches - deviation, usual)) ? missed : Missed();
+}
+
+/// Whether the IMU may have missed something before a scan that was aligned as predicted.
+ScanAligner::Doubt ScanAligner::doubt_imu(const Alignment& alignment, const matching::MatchInput& features,
+                                          const std::optional<HealthMonitor::Prediction>& prediction,
+                                          const imu::NavState& state) {
+  const double suddenness = prediction ? health_.suddenness(*prediction, state) : 0.0;
+  const bool is_conspicuous =
+      suddenness > 1.0 || matched_share(alignment, features) < health_.least_usual_share();
+  const bool is_noticeable = is_conspicuous || suddenness > kNoticeable;
+  watched_scans_ = is_noticeable ? kWatchedScans + 1 : std::max(0, watched_scans_ - 1);
+  Doubt doubt;
+  doubt.of_large_turns = shock_guard_->is_gyro_doubtful() || is_conspicuous;
+  doubt.of_anything = doubt.of_large_turns || (watched_scans_ > 0 && health_.is_well_known());
+  return doubt;
+}
+
+/// What was missed makes the IMU doubtful, and what it misses while it is doubtful; returns whether any was.
+/// `missing`: of the prediction, [dtheta (body), dt (odom)].
+bool ScanAligner::note_missed(const Missed& missed, const Vector6d& missing) {
+  const Eigen::Vector3d turn = missing.head<3>();
+  const Eigen::Vector3d step = missing.tail<3>();
+  const bool has_turned = missed.turn || (shock_guard_->is_gyro_doubtful() && turn.norm() > kLeastMissedTurn);
+  const bool has_stepped =
+      missed.velocity_mps > 0.0 || (shock_guard_->is_accel_doubtful() && step.norm() > kLeastMissedStep);
+  if (has_turned) shock_guard_->note_missed_turn(turn);
+  if (has_stepped) shock_guard_->note_missed_step(step.norm(), kDoubtfulVelocity);
+  return has_turned || has_stepped;
 }
 
 Alignment ScanAligner::align(const AlignerInput& input, Smoother* smoother) {
   const matching::MatchInput features = match_input(input.features, input);
-  const bool has_imu = input.imu && input.imu->sample_count > 0;
-  const bool is_gyro_doubtful = shock_guard_->is_gyro_doubtful();
-  const bool is_accel_doubtful = shock_guard_->is_accel_doubtful();
   Expectation expectation;
   expectation.is_unreliable = input.is_unpredicted || shock_guard_->is_shocked();
-  if (is_gyro_doubtful) {
+  if (shock_guard_->is_gyro_doubtful()) {
     expectation.missed_turn = Eigen::Vector3d::Zero();
     expectation.missed_turn_before = shock_guard_->doubtful_turn();
   }
@@ -175,23 +208,11 @@ Alignment ScanAligner::align(const AlignerInput& input, Smoother* smoother) {
                                            is_shaken || shock_guard_->is_shocked()};
   }
   Alignment alignment = align_expected(input, features, expectation, smoother, &registration_);
-  const bool is_doubtful = is_gyro_doubtful ||
-                           matched_share(alignment, features) < health_.least_usual_share() ||
-                           (prediction && health_.is_sudden(*prediction, smoother->newest()));
-  if (predicted && has_imu) {
+  const Doubt doubt = doubt_imu(alignment, features, prediction, smoother->newest());
+  if (predicted && input.imu && input.imu->sample_count > 0) {
     const Missed missed =
-        is_doubtful ? take_missed(input, features, *predicted, &alignment, smoother) : Missed();
-    const Vector6d missing = difference(*predicted, *smoother);
-    const Eigen::Vector3d turn = missing.head<3>();
-    const Eigen::Vector3d step = missing.tail<3>();
-    if (missed.turn || (is_gyro_doubtful && turn.norm() > kLeastMissedTurn)) {
-      shock_guard_->note_missed_turn(turn);
-      prediction.reset();
-    }
-    if (missed.velocity_mps > 0.0 || (is_accel_doubtful && step.norm() > kLeastMissedStep)) {
-      shock_guard_->note_missed_step(step.norm(), kDoubtfulVelocity);
-      prediction.reset();
-    }
+        doubt.of_anything ? take_missed(input, features, *predicted, doubt, &alignment, smoother) : Missed();
+    if (note_missed(missed, difference(*predicted, *smoother))) prediction.reset();
   }
   if (alignment.is_healthy) {
     health_.add(prediction, smoother->newest(), matched_share(alignment, features));

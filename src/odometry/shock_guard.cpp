@@ -36,7 +36,7 @@ void ShockGuard::note_missed_turn(const Eigen::Vector3d& turn) {
   scans_ = kScans;
   doubtful_turn_ = turn;
   std::ostringstream text;
-  text << std::fixed << std::setprecision(0) << "the scans show a turn of " << turn.norm() * 180.0 / M_PI
+  text << std::fixed << std::setprecision(1) << "the scans show a turn of " << turn.norm() * 180.0 / M_PI
        << " degrees more than the gyro: a blow, or more than its range";
   reporter_->report(Severity::kWarning, "gyro_missed", text.str());
 }

@@ -65,37 +65,37 @@ void add_predictions(double sigma_rad, double sigma_m, int count, HealthMonitor*
   }
 }
 
-/// Whether a scan is sudden that is off by so much from a prediction with a covariance of 1 cm and 1 mrad;
-/// scans misfit by as much.
-bool is_sudden(const HealthMonitor& monitor, double angle_rad, double distance_m, bool is_shaken = false) {
+/// Of a scan that is off by so much from a prediction with a covariance of 1 cm and 1 mrad; scans misfit by
+/// as much.
+double suddenness(const HealthMonitor& monitor, double angle_rad, double distance_m, bool is_shaken = false) {
   Vector6d delta = Vector6d::Zero();
   delta(2) = angle_rad;
   delta(4) = distance_m;
   const Eigen::Isometry3d T_predicted = moved(running().T_odom_imu(), delta);
-  return monitor.is_sudden({T_predicted, isotropic(1e-3, 0.01), is_shaken}, running());
+  return monitor.suddenness({T_predicted, isotropic(1e-3, 0.01), is_shaken}, running());
 }
 
 TEST(HealthMonitor, AScanThatContradictsFarMoreThanOthersIsSudden) {
   Reporter reporter;
   HealthMonitor monitor(&reporter);
-  EXPECT_FALSE(is_sudden(monitor, 1.0, 1.0));
+  EXPECT_EQ(suddenness(monitor, 1.0, 1.0), 0.0);
   add_predictions(0.0, 0.0, 300, &monitor);
-  EXPECT_FALSE(is_sudden(monitor, 0.44e-3, 0.0));
-  EXPECT_TRUE(is_sudden(monitor, 0.46e-3, 0.0));
-  EXPECT_FALSE(is_sudden(monitor, 0.0, 4.4e-3));
-  EXPECT_TRUE(is_sudden(monitor, 0.0, 4.6e-3));
-  EXPECT_FALSE(is_sudden(monitor, 1.0, 1.0, true));
+  // e' (P + R)^-1 e = 0.2^2 / 2 of 0.1.
+  EXPECT_NEAR(suddenness(monitor, 0.2e-3, 0.0), 0.2, 1e-9);
+  EXPECT_NEAR(suddenness(monitor, 0.0, 2e-3), 0.2, 1e-9);
+  EXPECT_NEAR(suddenness(monitor, 1e-3, 0.01), 10.0, 1e-9);
+  EXPECT_EQ(suddenness(monitor, 1.0, 1.0, true), 0.0);
   // 6 * 0.25^2 / 2 on the average.
   add_predictions(0.25e-3, 2.5e-3, 300, &monitor);
-  EXPECT_FALSE(is_sudden(monitor, 1.5e-3, 0.0));
-  EXPECT_TRUE(is_sudden(monitor, 2.5e-3, 0.0));
+  EXPECT_LT(suddenness(monitor, 1.5e-3, 0.0), 1.0);
+  EXPECT_GT(suddenness(monitor, 2.5e-3, 0.0), 1.0);
   // What the map hardly knows contradicts now and then.
   add_matched(0.4, 60, &monitor);
-  EXPECT_FALSE(is_sudden(monitor, 1.0, 1.0));
+  EXPECT_EQ(suddenness(monitor, 1.0, 1.0), 0.0);
   add_matched(0.7, 60, &monitor);
-  EXPECT_TRUE(is_sudden(monitor, 2.5e-3, 0.0));
+  EXPECT_GT(suddenness(monitor, 2.5e-3, 0.0), 1.0);
   monitor.restart();
-  EXPECT_FALSE(is_sudden(monitor, 1.0, 1.0));
+  EXPECT_EQ(suddenness(monitor, 1.0, 1.0), 0.0);
 }
 
 TEST(HealthMonitor, InnovationsThatStayLargeAreReported) {

@@ -195,9 +195,9 @@ TEST(Estimator, AnImuThatSeemsToStandIsBelievedOnlyIfTheScansSayTheSame) {
   }
 }
 
-/// Of a sensor that stands.
-FeatureSet standing_scan(int k) {
-  return Street().scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
+/// Of a sensor that stands, deskewed as if it did not.
+FeatureSet standing_scan(int k, double v_deskew_mps = 0.0) {
+  return Street().scan(kPeriod_s * k, 0.0, 0.0, v_deskew_mps, static_cast<unsigned>(k + 1));
 }
 
 /// What its IMU feels, and besides that `ahead_mps2`.
@@ -281,25 +281,28 @@ TEST(Estimator, ASlowTurnThatTheGyroMissesIsFound) {
   EXPECT_LT(end.gyro_bias.norm(), 0.003);
 }
 
-/// An accelerometer that feels 2 m/s^2 ahead for half a second, as a car would: the sensor stands. Until that
-/// is noticed the few fronts that tell the way are mapped where they seem to be; the velocity must not stay.
+/// An accelerometer that feels something ahead for half a second, as if a car set off: the sensor stands. Few
+/// fronts tell the way along, and what a scan moves the estimate by never tells that it is wrong.
 TEST(Estimator, AnAccelerationThatTheScansContradictIsNotBelieved) {
   constexpr int kStruck = 40;
-  Config config;
-  Reporter reporter;
-  Estimator estimator(config, &reporter);
-  for (int k = 0; k < kStruck + 20; ++k) {
-    const bool is_struck = k >= kStruck && k < kStruck + 5;
-    const imu::Preintegration imu = standing_imu(k, is_struck ? 2.0 : 0.0);
-    ASSERT_TRUE(estimator.add(standing_scan(k), degeneracy::Degeneracy(), imu));
-    EXPECT_FALSE(k < kStruck && reporter.has("accel_missed")) << k;
+  for (const double felt_mps2 : {0.5, 1.0, 3.0}) {
+    Config config;
+    Reporter reporter;
+    Estimator estimator(config, &reporter);
+    for (int k = 0; k < kStruck + 20; ++k) {
+      const double ahead_mps2 = k >= kStruck && k < kStruck + 5 ? felt_mps2 : 0.0;
+      const double v_before = k > 0 ? estimator.state()->v_odom.x() : 0.0;
+      const FeatureSet features = standing_scan(k, v_before + 0.5 * kPeriod_s * ahead_mps2);
+      ASSERT_TRUE(estimator.add(features, degeneracy::Degeneracy(), standing_imu(k, ahead_mps2)));
+      EXPECT_FALSE(k < kStruck && reporter.has("accel_missed")) << felt_mps2 << " " << k;
+    }
+    EXPECT_TRUE(reporter.has("accel_missed")) << felt_mps2;
+    EXPECT_FALSE(reporter.has("gyro_missed")) << felt_mps2;
+    const imu::NavState end = *estimator.state();
+    EXPECT_LT(end.t_odom_imu.norm(), 0.1) << felt_mps2;
+    EXPECT_LT(end.v_odom.norm(), 0.2) << felt_mps2;
+    EXPECT_LT(end.accel_bias.norm(), 0.1) << felt_mps2;
   }
-  EXPECT_TRUE(reporter.has("accel_missed"));
-  EXPECT_FALSE(reporter.has("gyro_missed"));
-  const imu::NavState end = *estimator.state();
-  EXPECT_LT(end.t_odom_imu.norm(), 0.5);
-  EXPECT_LT(end.v_odom.norm(), 0.05);
-  EXPECT_LT(end.accel_bias.norm(), 0.1);
 }
 
 /// Gravity that lies across the ground by 8 degrees is not believed of what came before.

@@ -22,8 +22,8 @@ namespace fdi_lio::odometry {
 ///   both say, again and again: e' (P + R)^-1 e, with e the correction, P the covariance of the prediction
 ///   and R that of scans that do not quite fit the map (1 mrad, 1 cm: beams, edges, the map's own errors),
 ///   is above 0.5 on the average over 50 scans. P is cautious, so that it stays below 0.2 while all is well.
-/// - **Doubtful** is a single scan that matches far less than the ones before (least_usual_share()), or
-///   contradicts its prediction far more (is_sudden()): the IMU may have missed something (ScanAligner).
+/// - **Conspicuous** is a single scan that matches far less than the ones before (least_usual_share()), or
+///   contradicts its prediction far more (suddenness()): the IMU may have missed something (ScanAligner).
 /// - **Implausible biases**: no sensor in use has them, so something else hides in them.
 class HealthMonitor {
  public:
@@ -51,10 +51,10 @@ class HealthMonitor {
     bool is_shaken = false;  ///< vibration drowns the readings: what they contradict says nothing
   };
 
-  /// Whether a matched scan contradicts its prediction by far more than those before: e' (P + R)^-1 e is
-  /// above 0.1 and ten times its average. Never within the first 30 scans of a map, while vibration drowns
-  /// the readings, or where the map usually knows less than half of the features.
-  bool is_sudden(const Prediction& prediction, const imu::NavState& state) const;
+  /// How suddenly a matched scan contradicts its prediction: e' (P + R)^-1 e over 0.1 or ten times its
+  /// average, whichever is more, so that above 1 something happened. 0 within the first 30 scans of a map,
+  /// while vibration drowns the readings, and where the map usually knows less than half of the features.
+  double suddenness(const Prediction& prediction, const imu::NavState& state) const;
 
   /// Takes what became of a matched scan, with the share of its features that found matches; no `prediction`
   /// where the IMU gave none.
@@ -63,8 +63,10 @@ class HealthMonitor {
   /// The local map was begun anew.
   void restart();
 
- private:
+  /// Whether the map usually knows half of the features, so that the share of matches tells something.
   bool is_well_known() const;
+
+ private:
   void check_innovation(const Prediction& prediction, const imu::NavState& state);
   void check_biases(const imu::NavState& state);
 

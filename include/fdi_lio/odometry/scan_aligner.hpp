@@ -39,7 +39,10 @@ class ScanAligner {
   Alignment align(const AlignerInput& input, Smoother* smoother);
 
   /// The map was begun anew: what was usual before says nothing any more.
-  void begin_map_anew() { health_.restart(); }
+  void begin_map_anew() {
+    health_.restart();
+    watched_scans_ = 0;
+  }
 
  private:
   /// A scan aligned in another way, and what that makes of all that changes with it.
@@ -53,6 +56,11 @@ class ScanAligner {
     std::optional<Eigen::Vector3d> turn;  ///< rotation vector, body frame
     double velocity_mps = 0.0;            ///< by what its change of velocity may be off; 0: by nothing
   };
+  /// What the IMU may have missed before a scan.
+  struct Doubt {
+    bool of_large_turns = false;
+    bool of_anything = false;
+  };
 
   matching::MatchInput match_input(const FeatureSet& features, const AlignerInput& input) const;
   Alignment align_expected(const AlignerInput& input, const matching::MatchInput& features,
@@ -65,8 +73,11 @@ class ScanAligner {
                      const Smoother& predicted) const;
   Missed find_missed(const AlignerInput& input, const matching::MatchInput& features,
                      const Smoother& predicted) const;
+  Doubt doubt_imu(const Alignment& alignment, const matching::MatchInput& features,
+                  const std::optional<HealthMonitor::Prediction>& prediction, const imu::NavState& state);
+  bool note_missed(const Missed& missed, const Vector6d& missing);
   Missed take_missed(const AlignerInput& input, const matching::MatchInput& features,
-                     const Smoother& predicted, Alignment* alignment, Smoother* smoother);
+                     const Smoother& predicted, const Doubt& doubt, Alignment* alignment, Smoother* smoother);
 
   MappingConfig mapping_;
   SensorConfig sensor_;
@@ -74,6 +85,7 @@ class ScanAligner {
   Registration registration_;
   HealthMonitor health_;
   ShockGuard* shock_guard_;
+  int watched_scans_ = 0;  ///< that are asked what the IMU missed, the present one included
 };
 
 }  // namespace fdi_lio::odometry
