@@ -27,6 +27,9 @@ constexpr double kMissedSq = 25.0;
 /// is only so sudden, and so many after it.
 constexpr double kNoticeable = 0.2;
 constexpr int kWatchedScans = 2;
+/// What explains a scan finds so much of the least share of matches that is usual: that falls by a tenth
+/// within a few scans where a corridor bends.
+constexpr double kExplained = 0.8;
 /// A larger turn is believed if it finds more matches, by so many standard deviations of their number;
 /// soon after another by fewer.
 constexpr double kGain = 6.0;
@@ -157,9 +160,10 @@ ScanAligner::Missed ScanAligner::take_missed(const AlignerInput& input, const ma
   }
   // What explains a scan leaves nothing unusual about it: within a larger turn, steps match something, too.
   const Missed missed = find_missed(input, features, predicted);
-  const double usual = health_.least_usual_share() * static_cast<double>(feature_count(features));
+  const double least_share = kExplained * health_.least_usual_share();
+  const double least_matches = least_share * static_cast<double>(feature_count(features));
   const bool has_missed = missed.turn || missed.velocity_mps > 0.0;
-  return has_missed && takes(missed, std::max(matches - deviation, usual)) ? missed : Missed();
+  return has_missed && takes(missed, std::max(matches - deviation, least_matches)) ? missed : Missed();
 }
 
 /// Whether the IMU may have missed something before a scan that was aligned as predicted.
