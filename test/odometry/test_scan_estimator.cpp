@@ -195,7 +195,7 @@ TEST(Estimator, AnImuThatSeemsToStandIsBelievedOnlyIfTheScansSayTheSame) {
   }
 }
 
-/// Of a sensor that stands, deskewed as if it did not.
+/// Of a sensor that stands, deskewed as if it moved along x with `v_deskew_mps`.
 FeatureSet standing_scan(int k, double v_deskew_mps = 0.0) {
   return Street().scan(kPeriod_s * k, 0.0, 0.0, v_deskew_mps, static_cast<unsigned>(k + 1));
 }

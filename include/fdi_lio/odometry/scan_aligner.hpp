@@ -58,8 +58,8 @@ class ScanAligner {
   };
   /// What the IMU may have missed before a scan.
   struct Doubt {
-    bool of_large_turns = false;
-    bool of_anything = false;
+    bool of_large_turns = false;  ///< these are sought in the map
+    bool of_anything = false;     ///< the scan is aligned anew without heeding it
   };
 
   matching::MatchInput match_input(const FeatureSet& features, const AlignerInput& input) const;
