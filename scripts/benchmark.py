@@ -43,7 +43,11 @@ def parse_arguments() -> argparse.Namespace:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     what = parser.add_argument_group("what is run")
-    what.add_argument("--scenarios", nargs="+", metavar="NAME", help="of config/scenarios; all by default")
+    what.add_argument("--scenarios", nargs="+", metavar="NAME", help="of the folder; all by default")
+    what.add_argument(
+        "--scenario-folder", type=Path, default=SCENARIOS, metavar="DIR",
+        help="where they are (default config/scenarios)"
+    )
     what.add_argument("--seeds", metavar="LIST", help=f"such as 11-13 or 11,14,20-22 (default {DEFAULT_SEEDS})")
     what.add_argument("--duration", type=float, metavar="S", help="instead of each scenario's own [s]")
     what.add_argument(
@@ -172,12 +176,12 @@ def main() -> int:
     arguments = parse_arguments()
     signal.signal(signal.SIGTERM, interrupted)
     seeds = cells.parse_seeds(arguments.seeds or DEFAULT_SEEDS)
-    scenarios = cells.chosen_scenarios(arguments.scenarios, SCENARIOS)
+    scenarios = cells.chosen_scenarios(arguments.scenarios, arguments.scenario_folder)
     places = [cells.Place(scenario, seed, arguments.duration) for scenario in scenarios for seed in seeds]
     configurations = cells.parse_configurations(arguments.config)
     plan = Plan(
         binaries=find_binaries(arguments.bin),
-        scenarios=SCENARIOS,
+        scenarios=arguments.scenario_folder,
         output=arguments.output,
         configurations=configurations,
         version=git_version(),

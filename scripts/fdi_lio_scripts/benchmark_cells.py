@@ -51,7 +51,10 @@ def chosen_scenarios(names: Optional[Sequence[str]], folder: Path) -> List[str]:
     """`names` without repetitions, or all scenarios."""
     known = known_scenarios(folder)
     if not known:
-        raise UserError(f"{folder}: holds no scenarios: run the script from a whole checkout of the package")
+        raise UserError(
+            f"{folder}: holds no scenarios (NAME.yaml): give another --scenario-folder, or run the script from a "
+            "whole checkout of the package"
+        )
     if not names:
         return known
     if NEEDS_A_RECORDING in names:

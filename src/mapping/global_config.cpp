@@ -67,6 +67,9 @@ void visit_noise(LoopConfig& c, ParameterVisitor& v) {
           "standard deviation of roll and pitch that gravity gives each keyframe; 0: the graph may tilt the "
           "map"},
          c.gravity_sigma_deg, 0.0, 90.0);
+  v.flag({"loop.level_map", "",
+          "take the tilt that gravity shows out of a map that no loop, fix or other odometry has moved"},
+         c.level_map);
   v.integer({"loop.solve_every", "",
              "accepted fixes and steps of another odometry, or loops that agree with the map, between "
              "optimisations"},

@@ -13,6 +13,7 @@
 #include "fdi_lio/mapping/loop_decisions.hpp"
 #include "fdi_lio/mapping/loop_detector.hpp"
 #include "fdi_lio/mapping/loop_verifier.hpp"
+#include "fdi_lio/mapping/map_level.hpp"
 #include "fdi_lio/mapping/odometry_check.hpp"
 
 namespace fdi_lio::mapping {
@@ -68,11 +69,13 @@ class GlobalOptimizer::Implementation {
         detector_(config.loop),
         verifier_(config),
         decisions_(config.loop),
-        measurements_(config, reporter) {}
+        measurements_(config, reporter),
+        level_(config) {}
 
   void add(Keyframe keyframe);
   void add_external(const ExternalPose& pose);
   void solve();
+  void optimise();
   void clean_clouds(bool is_last);
 
   Eigen::Isometry3d correction(std::size_t k) const { return poses_[k] * frames_[k].T_odom_imu.inverse(); }
@@ -95,6 +98,8 @@ class GlobalOptimizer::Implementation {
   double searched_at_m_ = 0.0;
   GraphMeasurements measurements_;
   std::size_t solved_at_ = 0;  ///< keyframes at the last optimisation
+  MapLevel level_;
+  bool is_levelled_ = false;  ///< `poses_` are the chain without its tilt, and not the graph's
 
  private:
   RelativePose odometry_step(const Keyframe& keyframe, double step_m) const;
@@ -102,6 +107,7 @@ class GlobalOptimizer::Implementation {
   void search();
   LoopCandidate examine(const LoopProposal& proposal);
   std::vector<PlacedCloud> submap(std::size_t center, double before_m, double after_m, std::size_t limit);
+  void level();
   bool may_solve() const { return frames_.size() - solved_at_ >= frames_.size() / kKeyframesOfWait; }
   void use_measurements();
 };
@@ -178,6 +184,7 @@ void GlobalOptimizer::Implementation::add(Keyframe keyframe) {
     frames_.push_back(
         {keyframe.stamp, keyframe.T_odom_imu, frames_.back().path_m + step_m, keyframe.begins_session});
   }
+  level_.add(keyframe.stamp, keyframe.T_odom_imu.translation(), keyframe.gravity);
   measurements_.add_gravity(frames_, poses_.back(), keyframe.down_imu, &graph_);
   detector_.add(place, frames_.back().path_m);
   if (config_.enabled && frames_.back().path_m - searched_at_m_ >= config_.spacing_m) search();
@@ -205,11 +212,29 @@ void GlobalOptimizer::Implementation::solve() {
   if (!graph_.solve())
     reporter_->report(Severity::kError, "pose_graph", "the pose graph could not be optimised");
   for (std::size_t k = 0; k < poses_.size(); ++k) poses_[k] = graph_.pose(k);
+  is_levelled_ = false;
   measurements_.solved();
   // What the solver needed lies scattered between what stays.
   malloc_trim(0);
   solved_at_ = frames_.size();
   decisions_.solved(frames_, graph_);
+}
+
+void GlobalOptimizer::Implementation::optimise() {
+  if (measurements_.unsolved() + decisions_.unsolved() > 0) {
+    solve();
+  } else if (config_.enabled && config_.level_map && solved_at_ == 0) {
+    level();
+  }
+}
+
+/// Sessions that nothing ties together have no common level.
+void GlobalOptimizer::Implementation::level() {
+  const auto sessions = std::count_if(frames_.begin(), frames_.end(),
+                                      [](const OdometryFrame& frame) { return frame.begins_session; });
+  if (sessions > 1) return;
+  poses_ = levelled_poses(chain_, level_.tilts());
+  is_levelled_ = true;
 }
 
 void GlobalOptimizer::Implementation::search() {
@@ -287,10 +312,7 @@ void GlobalOptimizer::add(Keyframe keyframe) { implementation_->add(std::move(ke
 
 void GlobalOptimizer::add_fix(const GnssFix& fix) { implementation_->measurements_.add_fix(fix); }
 void GlobalOptimizer::add_external(const ExternalPose& pose) { implementation_->add_external(pose); }
-void GlobalOptimizer::optimise() {
-  if (implementation_->measurements_.unsolved() + implementation_->decisions_.unsolved() > 0)
-    implementation_->solve();
-}
+void GlobalOptimizer::optimise() { implementation_->optimise(); }
 
 void GlobalOptimizer::finish() {
   implementation_->clean_clouds(true);
@@ -354,7 +376,14 @@ std::size_t GlobalOptimizer::cloud_memory_bytes() const {
 }
 
 GraphFile GlobalOptimizer::graph() const {
-  return {implementation_->poses_, implementation_->graph_.odometry(), implementation_->graph_.loops()};
+  GraphFile graph = {implementation_->poses_, implementation_->graph_.odometry(),
+                     implementation_->graph_.loops()};
+  // A session keeps no gravity: without it the steps have to say what it said.
+  if (implementation_->is_levelled_) {
+    for (RelativePose& step : graph.odometry)
+      step.T_from_to = graph.poses[step.from].inverse() * graph.poses[step.to];
+  }
+  return graph;
 }
 
 }  // namespace fdi_lio::mapping

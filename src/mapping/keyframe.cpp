@@ -24,6 +24,7 @@ Keyframe KeyframeMaker::make(const odometry::EstimateResult& estimate, DeskewedS
   keyframe.covariance = estimate.map_covariance;
   if (estimate.state.imu_status == imu::ImuStatus::kInitialised)
     keyframe.down_imu = (estimate.state.q_odom_imu.conjugate() * estimate.state.g_odom).normalized();
+  keyframe.gravity = estimate.gravity;
   const MovingColumns columns(scan, keyframe.T_odom_imu.linear() * T_imu_lidar_.linear());
   surface_.clear();
   surface_.add(columns.without(scan.points), T_imu_lidar_);

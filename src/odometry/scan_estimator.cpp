@@ -426,6 +426,8 @@ std::optional<EstimateResult> ScanEstimator::add(EstimatorInput input, bool is_r
   if (scan_count_ == 0 && !resumed_ && !moving_start_) first_ = features;
   learn(std::move(features), result);
   result.is_keyframe = decide_keyframe(is_reviewed) || is_restart;
+  if (result.is_keyframe && result.state.imu_status == imu::ImuStatus::kInitialised)
+    result.gravity = smoother_.gravity();
   ++map_scans_;
   ++scan_count_;
   return result;

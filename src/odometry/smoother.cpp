@@ -213,18 +213,37 @@ void Smoother::annotate_newest(imu::ImuStatus status, const Eigen::Vector3d& w_i
   window_.back().state.w_imu = w_imu;
 }
 
-Matrix15d Smoother::covariance() const {
+Eigen::MatrixXd Smoother::information() const {
   Problem problem(*this, window_.size(), window_.size());
   problem.hold_gravity_norm(window_[0].state, gravity_mps2_);
   Eigen::MatrixXd H;
   Eigen::VectorXd b;
   problem.normal_equations(&H, &b);
+  return H;
+}
+
+Matrix15d Smoother::covariance() const {
+  const Eigen::MatrixXd H = information();
   const Eigen::Index first = static_cast<Eigen::Index>(kStateSize * (window_.size() - 1));
   Eigen::MatrixXd selected = Eigen::MatrixXd::Zero(H.rows(), kStateSize);
   selected.block(first, 0, kStateSize, kStateSize).setIdentity();
   const Eigen::MatrixXd columns = H.ldlt().solve(selected);
   const Matrix15d covariance = columns.block(first, 0, kStateSize, kStateSize);
   return 0.5 * (covariance + covariance.transpose());
+}
+
+GravityEstimate Smoother::gravity() const {
+  const Eigen::MatrixXd H = information();
+  const auto shared = static_cast<Eigen::Index>(kStateSize * window_.size());
+  Eigen::MatrixXd selected = Eigen::MatrixXd::Zero(H.rows(), 9);
+  selected.block<3, 3>(shared, 0).setIdentity();
+  selected.block<3, 3>(shared - 3, 3).setIdentity();  // the newest accelerometer bias
+  selected.block<3, 3>(shared + 3, 6).setIdentity();
+  const imu::Matrix9d covariance = selected.transpose() * H.ldlt().solve(selected);
+  GravityEstimate estimate;
+  estimate.value << newest().g_odom, newest().accel_bias, newest().mounting;
+  estimate.covariance = 0.5 * (covariance + covariance.transpose());
+  return estimate;
 }
 
 /// Schur complement of the oldest state in the factors that touch it: what is known of the next state and of

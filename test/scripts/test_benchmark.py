@@ -145,6 +145,7 @@ def test_bad_configurations_are_named(texts: List[str], word: str) -> None:
 @pytest.mark.parametrize("arguments, word", [
     (("--scenarios", "moon"), "unknown scenario 'moon'"),
     (("--scenarios", "kitti"), "pose file"),
+    (("--scenario-folder", "/nowhere"), "/nowhere: holds no scenarios"),
     (("--scenarios", "street", "--duration", "0.1"), "--duration"),
     (("--short", "--seeds", "11"), "--short"),
     (("--scenarios", "street", "--compare", "other=/nowhere"), "no folder"),
@@ -271,6 +272,15 @@ def test_another_program_is_compared_with_what_it_wrote(runner: Runner, tmp_path
 def test_the_short_run_has_its_own_scenarios(runner: Runner) -> None:
     assert runner.run("--short").returncode == 0
     assert runner.calls("simulate") == [f"{name} 11 20" for name in ("street", "tunnel", "corridor", "plaza")]
+
+
+def test_scenarios_come_from_the_folder_that_is_given(runner: Runner, tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    for name in ("quarry", "harbour"):
+        (folder / f"{name}.yaml").write_text("duration: 5\n", encoding="utf-8")
+    assert runner.run("--scenario-folder", folder, "--seeds", "11").returncode == 0
+    assert runner.calls("simulate") == ["harbour 11 whole", "quarry 11 whole"]
 
 
 # --- statistics ---

@@ -42,7 +42,7 @@ const Limits& limits_of(const Scenario& scenario) {
 std::vector<std::string> scenario_files() {
   std::vector<std::string> names;
   for (const auto& file : std::filesystem::directory_iterator(FDI_LIO_SCENARIOS)) {
-    if (file.path().stem() != "kitti")
+    if (file.is_regular_file() && file.path().stem() != "kitti")
       names.push_back(file.path().stem().string());  // its poses are not shipped
   }
   std::sort(names.begin(), names.end());

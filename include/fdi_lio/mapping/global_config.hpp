@@ -34,6 +34,7 @@ struct LoopConfig {
   double odometry_sigma_translation = 0.01;
   double odometry_sigma_rotation_deg = 0.03;
   double gravity_sigma_deg = 0.5;
+  bool level_map = true;
   int solve_every = 10;
   double max_chi_square = 16.8;
   int cloud_memory_mb = 500;

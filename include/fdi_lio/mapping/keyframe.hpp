@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include <Eigen/Geometry>
 
@@ -22,6 +23,7 @@ struct Keyframe {
   /// Unit vector towards the centre of the earth in the IMU frame; zero while it is not known. The first of a
   /// session is used.
   Eigen::Vector3d down_imu = Eigen::Vector3d::Zero();
+  std::optional<odometry::GravityEstimate> gravity;  ///< the same with what it is confused with
   KeyframeCloud cloud;
   /// Ranges of the scan, which show where it looked through something; may be empty.
   std::shared_ptr<const scan::RangeImage> image;

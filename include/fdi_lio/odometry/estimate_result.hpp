@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -8,6 +9,7 @@
 #include "fdi_lio/common/pose_tangent.hpp"
 #include "fdi_lio/degeneracy/degeneracy_estimator.hpp"
 #include "fdi_lio/imu/imu_types.hpp"
+#include "fdi_lio/odometry/gravity_estimate.hpp"
 
 namespace fdi_lio::odometry {
 
@@ -24,7 +26,8 @@ struct EstimateResult {
   Eigen::Matrix<double, 6, 1> axis_information = Eigen::Matrix<double, 6, 1>::Zero();
   Eigen::Matrix<double, 6, 1> axis_noise = Eigen::Matrix<double, 6, 1>::Zero();
   bool is_keyframe = false;
-  bool is_healthy = true;  ///< false: no match was possible, the pose is a prediction
+  std::optional<GravityEstimate> gravity;  ///< at keyframes, once the IMU is initialised
+  bool is_healthy = true;                  ///< false: no match was possible, the pose is a prediction
   std::size_t matched_planes = 0;
   std::size_t matched_edges = 0;
   std::size_t matched_textures = 0;

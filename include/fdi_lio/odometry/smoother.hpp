@@ -9,6 +9,7 @@
 #include "fdi_lio/imu/imu_types.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/odometry/factors.hpp"
+#include "fdi_lio/odometry/gravity_estimate.hpp"
 
 namespace fdi_lio::odometry {
 
@@ -78,6 +79,9 @@ class Smoother {
   /// Covariance of the newest state [dtheta, dt, dv, db_g, db_a], from the normal equations at the solution.
   Matrix15d covariance() const;
 
+  /// What the newest state knows of gravity, likewise.
+  GravityEstimate gravity() const;
+
  private:
   struct Entry {
     imu::NavState state;
@@ -89,6 +93,8 @@ class Smoother {
   };
   class Problem;
 
+  /// The information of all states and of what they share at the solution.
+  Eigen::MatrixXd information() const;
   void marginalise_oldest();
   /// Moves the information (H, b) of [state, shared] about `to` on by the step from `from`: gravity turns
   /// with the map, and by an unknown part more, the beams' elevation may change, and the clocks drift.

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "fdi_lio/imu/imu_types.hpp"
+
+namespace fdi_lio::odometry {
+
+/// Gravity in the frame of the states with what it is confused with, as one state of the smoother knows them.
+struct GravityEstimate {
+  /// [g_odom (m/s^2), bias of the accelerometer (IMU axes, m/s^2), NavState::mounting (rad)]
+  Eigen::Matrix<double, 9, 1> value = Eigen::Matrix<double, 9, 1>::Zero();
+  imu::Matrix9d covariance = imu::Matrix9d::Zero();
+};
+
+}  // namespace fdi_lio::odometry
