@@ -23,6 +23,9 @@ constexpr imu::MotionError kNear{0.03, 3.0};
 /// So far, squared, the scan must be from what the IMU says, in the covariance of both and what scans misfit
 /// by.
 constexpr double kMissedSq = 25.0;
+/// Where it stepped, surfaces must hold it by so many times what their noise alone would: on an open road
+/// vehicles that set off together with the sensor say that it stands.
+constexpr double kHeld = 4.0;
 /// Trust in the IMU hides what it misses: a scan that contradicts it has little weight. So one is asked that
 /// is only so sudden, and so many after it.
 constexpr double kNoticeable = 0.2;
@@ -60,6 +63,14 @@ Vector6d difference(const Smoother& from, const Smoother& to) {
 }
 
 Matrix6d pose_covariance(const Smoother& smoother) { return smoother.covariance().topLeftCorner<6, 6>(); }
+
+/// Whether surfaces hold the scan along `step` (IMU axes): along the axis of the alignment that is nearest to
+/// it.
+bool is_held_along(const Eigen::Vector3d& step, const Alignment& alignment) {
+  Eigen::Index axis = 0;
+  (step.transpose() * alignment.status.axes.bottomRows<3>()).cwiseAbs().maxCoeff(&axis);
+  return alignment.axis_information[axis] >= kHeld * alignment.axis_noise[axis];
+}
 
 }  // namespace
 
@@ -127,7 +138,8 @@ ScanAligner::Missed ScanAligner::find_missed(const AlignerInput& input, const ma
   const Matrix6d covariance =
       pose_covariance(predicted) + pose_covariance(trial.smoother) + HealthMonitor::misfit();
   if (turn.dot(covariance.topLeftCorner<3, 3>().ldlt().solve(turn)) >= kMissedSq) missed.turn = turn;
-  if (step.dot(covariance.bottomRightCorner<3, 3>().ldlt().solve(step)) >= kMissedSq) {
+  if (step.dot(covariance.bottomRightCorner<3, 3>().ldlt().solve(step)) >= kMissedSq &&
+      is_held_along(predicted.newest().q_odom_imu.conjugate() * step, trial.alignment)) {
     missed.velocity_mps = velocity_error(step, input.imu->duration_s());
   }
   return missed;

@@ -326,6 +326,56 @@ TEST(Estimator, AnAccelerationThatTheScansContradictIsNotBelieved) {
 
 TEST(Estimator, AFalseAccelerationIsFoundWhereTheShareOfMatchesFalls) { expect_that_it_stands(1.0, 500); }
 
+/// An open road with rails on both sides, of which nothing tells the way along but the rears of vehicles that
+/// stand when the sensor does, and drive along as it sets off.
+FeatureSet scan_in_traffic(int k, double speed_mps, double v_deskew_mps) {
+  std::mt19937 random(static_cast<unsigned>(k + 1));
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  std::normal_distribution<double> noise(0.0, 0.02);
+  FeatureSet features;
+  features.stamp = static_cast<Stamp>(std::llround(1e9 * kPeriod_s * k));
+  const auto add = [&](const Eigen::Vector3d& from_end, double v_place_mps) {
+    Point point;
+    point.time_s = static_cast<float>(-kPeriod_s * uniform(random));
+    Eigen::Vector3d seen = from_end + Eigen::Vector3d(noise(random), noise(random), noise(random));
+    seen.x() += (v_deskew_mps - speed_mps + v_place_mps) * point.time_s;
+    point.position = seen.cast<float>();
+    features.planes.push_back(point);
+  };
+  for (int i = 0; i < 4000; ++i) {
+    add({-20.0 + 40.0 * uniform(random), -10.0 + 20.0 * uniform(random), -1.7}, 0.0);
+    const double side = i % 2 == 0 ? 10.0 : -10.0;
+    add({-20.0 + 40.0 * uniform(random), side, -1.7 + uniform(random)}, 0.0);
+  }
+  for (const double rear : {8.0, 13.0, 19.0}) {
+    for (int i = 0; i < 18; ++i)
+      add({rear, -4.0 + 2.0 * uniform(random), -1.5 + 1.5 * uniform(random)}, speed_mps);
+  }
+  return features;
+}
+
+/// The IMU says that the sensor sets off; what sets off with it says that it stands.
+TEST(Estimator, WhatTravelsAlongIsNoBlow) {
+  constexpr int kStanding = 40;
+  constexpr double kAcceleration = 2.0;
+  Config config;
+  Reporter reporter;
+  Estimator estimator(config, &reporter);
+  double speed_mps = 0.0;
+  double here_m = 0.0;
+  for (int k = 0; k < kStanding + 20; ++k) {
+    const double ahead_mps2 = k >= kStanding ? kAcceleration : 0.0;
+    here_m += kPeriod_s * (speed_mps + 0.5 * kPeriod_s * ahead_mps2);
+    speed_mps += kPeriod_s * ahead_mps2;
+    const double v_before = k > 0 ? estimator.state()->v_odom.x() : 0.0;
+    const FeatureSet features = scan_in_traffic(k, speed_mps, v_before + 0.5 * kPeriod_s * ahead_mps2);
+    ASSERT_TRUE(estimator.add(features, degeneracy::Degeneracy(), standing_imu(k, ahead_mps2)));
+  }
+  EXPECT_FALSE(reporter.has("accel_missed"));
+  EXPECT_NEAR(estimator.state()->v_odom.x(), speed_mps, 0.3);
+  EXPECT_NEAR(estimator.state()->t_odom_imu.x(), here_m, 0.3);
+}
+
 /// Gravity that lies across the ground by 8 degrees is not believed of what came before.
 TEST(Estimator, AnAlignmentThatTheGroundContradictsEstimatesNothingAnew) {
   const Config config;
