@@ -1,16 +1,12 @@
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <functional>
 #include <optional>
-#include <random>
-#include <vector>
 
 #include "synthetic_road.hpp"
+#include "synthetic_street.hpp"
 #include <gtest/gtest.h>
 
 #include "fdi_lio/common/config.hpp"
-#include "fdi_lio/common/so3.hpp"
 #include "fdi_lio/imu/preintegration.hpp"
 #include "fdi_lio/odometry/estimator.hpp"
 #include "fdi_lio/odometry/imu_start.hpp"
@@ -18,46 +14,6 @@
 
 namespace fdi_lio::odometry {
 namespace {
-
-constexpr double kPeriod_s = 0.1;
-
-/// A street whose fronts across the way all stand ahead to the left, where the sweep begins.
-class Street {
- public:
-  /// What is seen of the sweep that ends at `end_s` and at x = `here_m`, deskewed with `v_deskew` along x.
-  FeatureSet scan(double end_s, double here_m, double speed_mps, double v_deskew_mps, unsigned seed) const {
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> uniform(0.0, 1.0);
-    std::normal_distribution<double> noise(0.0, 0.01);
-    FeatureSet features;
-    features.stamp = static_cast<Stamp>(std::llround(1e9 * end_s));
-    const auto add = [&](const Eigen::Vector3d& place) {
-      // The sweep begins ahead and goes round to the left.
-      const Eigen::Vector3d from_end(place.x() - here_m, place.y(), place.z());
-      double azimuth = std::atan2(from_end.y(), from_end.x());
-      if (azimuth < 0.0) azimuth += 2.0 * M_PI;
-      Point point;
-      point.time_s = static_cast<float>(kPeriod_s * (azimuth / (2.0 * M_PI) - 1.0));
-      const Eigen::Vector3d error(noise(random), noise(random), noise(random));
-      Eigen::Vector3d seen = from_end + error;
-      seen.x() += (v_deskew_mps - speed_mps) * point.time_s;
-      point.position = seen.cast<float>();
-      features.planes.push_back(point);
-    };
-    for (int k = 0; k < 1200; ++k) {
-      add({here_m - 20.0 + 40.0 * uniform(random), -5.0 + 13.0 * uniform(random), -1.7});
-      add({here_m - 20.0 + 40.0 * uniform(random), -5.0, -1.7 + 4.0 * uniform(random)});
-    }
-    for (const double front : kFronts) {
-      if (front < here_m + 8.0 || front > here_m + 25.0) continue;
-      for (int k = 0; k < 120; ++k) add({front, 3.0 + 4.0 * uniform(random), -1.7 + 4.0 * uniform(random)});
-    }
-    return features;
-  }
-
- private:
-  static constexpr double kFronts[] = {9.3, 13.1, 16.4, 21.2, 24.0, 28.7, 32.9, 35.2};
-};
 
 /// Without an IMU the velocity of one scan deskews the next. The first two were not deskewed.
 TEST(ScanEstimator, TheVelocityIsTheTrueOneFromTheSecondScanOn) {
@@ -67,30 +23,14 @@ TEST(ScanEstimator, TheVelocityIsTheTrueOneFromTheSecondScanOn) {
   for (int k = 0; k < 40; ++k) {
     const std::optional<imu::NavState> before = estimator.state();
     const double v_deskew = before ? before->v_odom.x() : 0.0;
-    const FeatureSet features =
-        Street().scan(kPeriod_s * k, kPeriod_s * k * kSpeed, kSpeed, v_deskew, static_cast<unsigned>(k + 1));
+    const FeatureSet features = SyntheticStreet().scan(kPeriod_s * k, kPeriod_s * k * kSpeed, kSpeed,
+                                                       v_deskew, static_cast<unsigned>(k + 1));
     const auto result = estimator.add(features, degeneracy::Degeneracy(), std::nullopt);
     ASSERT_TRUE(result);
     if (k > 0) {
       EXPECT_NEAR(result->state.v_odom.x(), kSpeed, k < 30 ? 0.6 : 0.2) << k;
     }
   }
-}
-
-/// Readings of the interval before `time_s` that are always the same.
-imu::Preintegration steady_imu(double time_s, const Eigen::Vector3d& felt) {
-  std::vector<imu::ImuSample> samples;
-  for (int n = -20; n <= 0; ++n) {
-    samples.push_back({to_nanoseconds(time_s + 0.05 * kPeriod_s * n), felt, Eigen::Vector3d::Zero()});
-  }
-  imu::Preintegration imu =
-      imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
-                        Eigen::Vector3d::Zero(), imu::ImuNoise(), ImuConfig());
-  imu.recent.count = 200;
-  imu.recent.duration_s = 1.0;
-  imu.recent.mean_acceleration = felt;
-  imu.recent.acceleration_std = 1.0;
-  return imu;
 }
 
 /// A drive along the street that begins at 3 m/s, scan by scan, with an accelerometer that always feels the
@@ -108,7 +48,7 @@ class Drive {
     const std::optional<imu::NavState> before = estimator->state();
     const double v_deskew = before ? before->v_odom.norm() : 0.0;
     const FeatureSet features =
-        Street().scan(time_s, here_m, speed_at(time_s), v_deskew, static_cast<unsigned>(k + 1));
+        SyntheticStreet().scan(time_s, here_m, speed_at(time_s), v_deskew, static_cast<unsigned>(k + 1));
     return estimator->add(features, degeneracy::Degeneracy(), imu);
   }
 
@@ -152,7 +92,7 @@ TEST(Estimator, ScansBeforeTheFirstReadingStandUprightInTheEnd) {
        {std::optional<imu::Preintegration>(), std::optional(none)}) {
     Reporter reporter;
     Estimator estimator(config, &reporter);
-    const Street street;
+    const SyntheticStreet street;
     std::optional<EstimateResult> result;
     for (int k = 0; k < 3; ++k) {
       const FeatureSet features = street.scan(kPeriod_s * k, 0.0, 0.0, 0.0, static_cast<unsigned>(k + 1));
@@ -181,8 +121,8 @@ TEST(Estimator, AnImuThatSeemsToStandIsBelievedOnlyIfTheScansSayTheSame) {
       imu.recent.acceleration_std = 0.01;
       const std::optional<imu::NavState> before = estimator.state();
       const double v_deskew = before ? before->v_odom.x() : 0.0;
-      const FeatureSet features =
-          Street().scan(time_s, speed_mps * time_s, speed_mps, v_deskew, static_cast<unsigned>(k + 1));
+      const FeatureSet features = SyntheticStreet().scan(time_s, speed_mps * time_s, speed_mps, v_deskew,
+                                                         static_cast<unsigned>(k + 1));
       const auto result = estimator.add(features, degeneracy::Degeneracy(), imu);
       ASSERT_TRUE(result);
       if (k == 1) {
@@ -193,187 +133,6 @@ TEST(Estimator, AnImuThatSeemsToStandIsBelievedOnlyIfTheScansSayTheSame) {
     EXPECT_NEAR(end.v_odom.x(), speed_mps, 0.1);
     EXPECT_NEAR(end.t_odom_imu.x(), speed_mps * kPeriod_s * config.imu.moving_init_scans, 0.1);
   }
-}
-
-/// Of a sensor that stands, deskewed as if it moved along x with `v_deskew_mps`.
-FeatureSet standing_scan(int k, double v_deskew_mps = 0.0) {
-  return Street().scan(kPeriod_s * k, 0.0, 0.0, v_deskew_mps, static_cast<unsigned>(k + 1));
-}
-
-/// What its IMU feels, and besides that `ahead_mps2`.
-imu::Preintegration standing_imu(int k, double ahead_mps2 = 0.0) {
-  imu::Preintegration imu =
-      steady_imu(kPeriod_s * k, Eigen::Vector3d(ahead_mps2, 0.0, SensorConfig().gravity_mps2));
-  imu.recent.acceleration_std = 0.01;
-  return imu;
-}
-
-/// As a sensor sees the features that has turned by `turned_at(time of the point)` [rad] about the vertical.
-void turn(const std::function<double(double)>& turned_at, FeatureSet* features) {
-  for (Point& point : features->planes) {
-    const Eigen::Quaterniond q = so3::exp_q(-turned_at(point.time_s) * Eigen::Vector3d::UnitZ());
-    point.position = (q * point.position.cast<double>()).cast<float>();
-  }
-}
-
-/// A gyro that feels nothing of a turn, of which all happens in one scan of a sensor that stands: that scan
-/// is sheared. Nobody learns from it, and it is no keyframe; the next that is not sheared is.
-TEST(Estimator, AScanThatTheGyroDeskewedWronglyIsNotLearnedFrom) {
-  constexpr int kTurned = 20;
-  constexpr double kTurn = 40.0 * M_PI / 180.0;
-  Config config;
-  config.mapping.keyframe_distance_m = 1.0;
-  Reporter reporter;
-  Estimator estimator(config, &reporter);
-  std::size_t voxels = 0;
-  bool is_turned_keyframe = false;
-  for (int k = 0; k < kTurned + 8; ++k) {
-    FeatureSet features = standing_scan(k);
-    // The turn takes the middle fifth of the scan.
-    turn(
-        [k](double time_s) {
-          const double share = std::clamp(5.0 * (time_s / kPeriod_s + 0.6), 0.0, 1.0);
-          return k < kTurned ? 0.0 : (k == kTurned ? share * kTurn : kTurn);
-        },
-        &features);
-    const auto result = estimator.add(features, degeneracy::Degeneracy(), standing_imu(k));
-    ASSERT_TRUE(result);
-    if (k == kTurned - 1) voxels = estimator.map_voxel_count();
-    if (k == kTurned) {
-      EXPECT_TRUE(reporter.has("gyro_missed"));
-      EXPECT_FALSE(result->is_keyframe);
-      EXPECT_EQ(estimator.map_voxel_count(), voxels);
-    }
-    if (k > kTurned) is_turned_keyframe = is_turned_keyframe || result->is_keyframe;
-  }
-  EXPECT_TRUE(is_turned_keyframe);
-  const imu::NavState end = *estimator.state();
-  EXPECT_LT(end.q_odom_imu.angularDistance(so3::exp_q(kTurn * Eigen::Vector3d::UnitZ())), 0.005);
-  EXPECT_LT(end.t_odom_imu.norm(), 0.05);
-  EXPECT_LT(end.v_odom.norm(), 0.05);
-  EXPECT_LT(end.gyro_bias.norm(), 0.01);
-}
-
-/// A gyro that feels nothing of two degrees about the vertical in half a second, of which the ground, most of
-/// each scan, feels nothing either.
-TEST(Estimator, ASlowTurnThatTheGyroMissesIsFound) {
-  constexpr int kTurned = 40;
-  constexpr int kTurning = 5;
-  constexpr double kTurn = 2.0 * M_PI / 180.0;
-  Config config;
-  Reporter reporter;
-  Estimator estimator(config, &reporter);
-  for (int k = 0; k < kTurned + 20; ++k) {
-    FeatureSet features = standing_scan(k);
-    turn(
-        [k](double time_s) {
-          const double scans = k - kTurned + 1 + time_s / kPeriod_s;
-          return std::clamp(scans / kTurning, 0.0, 1.0) * kTurn;
-        },
-        &features);
-    ASSERT_TRUE(estimator.add(features, degeneracy::Degeneracy(), standing_imu(k)));
-    EXPECT_FALSE(k < kTurned && reporter.has("gyro_missed")) << k;
-  }
-  EXPECT_TRUE(reporter.has("gyro_missed"));
-  const imu::NavState end = *estimator.state();
-  EXPECT_LT(end.q_odom_imu.angularDistance(so3::exp_q(kTurn * Eigen::Vector3d::UnitZ())), 0.003);
-  EXPECT_LT(end.t_odom_imu.norm(), 0.03);
-  EXPECT_LT(end.gyro_bias.norm(), 0.003);
-}
-
-/// Leaves in the air, elsewhere in each scan: nothing matches them.
-void add_leaves(int count, unsigned seed, FeatureSet* features) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<double> uniform(0.0, 1.0);
-  for (int k = 0; k < count; ++k) {
-    const double x = -15.0 + 20.0 * uniform(random);
-    const double y = 8.0 * uniform(random);
-    Point point;
-    point.position = Eigen::Vector3d(x, y, 4.0 + 8.0 * uniform(random)).cast<float>();
-    features->planes.push_back(point);
-  }
-}
-
-/// A sensor stands whose accelerometer feels something ahead for half a second, as if a car set off. Few
-/// fronts tell the way along, and what a scan moves the estimate by hardly tells that it is wrong. Meanwhile
-/// the air fills with leaves.
-void expect_that_it_stands(double felt_mps2, int leaves) {
-  SCOPED_TRACE(felt_mps2);
-  constexpr int kStruck = 40;
-  constexpr int kScans = 5;
-  Config config;
-  Reporter reporter;
-  Estimator estimator(config, &reporter);
-  for (int k = 0; k < kStruck + 20; ++k) {
-    const double ahead_mps2 = k >= kStruck && k < kStruck + kScans ? felt_mps2 : 0.0;
-    const double v_before = k > 0 ? estimator.state()->v_odom.x() : 0.0;
-    FeatureSet features = standing_scan(k, v_before + 0.5 * kPeriod_s * ahead_mps2);
-    add_leaves(leaves * std::clamp(k - kStruck + 3, 0, kScans) / kScans, static_cast<unsigned>(k), &features);
-    ASSERT_TRUE(estimator.add(features, degeneracy::Degeneracy(), standing_imu(k, ahead_mps2)));
-    EXPECT_FALSE(k < kStruck && reporter.has("accel_missed")) << k;
-  }
-  EXPECT_TRUE(reporter.has("accel_missed"));
-  EXPECT_FALSE(reporter.has("gyro_missed"));
-  const imu::NavState end = *estimator.state();
-  EXPECT_LT(end.t_odom_imu.norm(), 0.1);
-  EXPECT_LT(end.v_odom.norm(), 0.2);
-  EXPECT_LT(end.accel_bias.norm(), 0.1);
-}
-
-TEST(Estimator, AnAccelerationThatTheScansContradictIsNotBelieved) {
-  for (const double felt_mps2 : {0.5, 1.0, 3.0}) expect_that_it_stands(felt_mps2, 0);
-}
-
-TEST(Estimator, AFalseAccelerationIsFoundWhereTheShareOfMatchesFalls) { expect_that_it_stands(1.0, 500); }
-
-/// An open road with rails on both sides, of which nothing tells the way along but the rears of vehicles that
-/// stand when the sensor does, and drive along as it sets off.
-FeatureSet scan_in_traffic(int k, double speed_mps, double v_deskew_mps) {
-  std::mt19937 random(static_cast<unsigned>(k + 1));
-  std::uniform_real_distribution<double> uniform(0.0, 1.0);
-  std::normal_distribution<double> noise(0.0, 0.02);
-  FeatureSet features;
-  features.stamp = static_cast<Stamp>(std::llround(1e9 * kPeriod_s * k));
-  const auto add = [&](const Eigen::Vector3d& from_end, double v_place_mps) {
-    Point point;
-    point.time_s = static_cast<float>(-kPeriod_s * uniform(random));
-    Eigen::Vector3d seen = from_end + Eigen::Vector3d(noise(random), noise(random), noise(random));
-    seen.x() += (v_deskew_mps - speed_mps + v_place_mps) * point.time_s;
-    point.position = seen.cast<float>();
-    features.planes.push_back(point);
-  };
-  for (int i = 0; i < 4000; ++i) {
-    add({-20.0 + 40.0 * uniform(random), -10.0 + 20.0 * uniform(random), -1.7}, 0.0);
-    const double side = i % 2 == 0 ? 10.0 : -10.0;
-    add({-20.0 + 40.0 * uniform(random), side, -1.7 + uniform(random)}, 0.0);
-  }
-  for (const double rear : {8.0, 13.0, 19.0}) {
-    for (int i = 0; i < 18; ++i)
-      add({rear, -4.0 + 2.0 * uniform(random), -1.5 + 1.5 * uniform(random)}, speed_mps);
-  }
-  return features;
-}
-
-/// The IMU says that the sensor sets off; what sets off with it says that it stands.
-TEST(Estimator, WhatTravelsAlongIsNoBlow) {
-  constexpr int kStanding = 40;
-  constexpr double kAcceleration = 2.0;
-  Config config;
-  Reporter reporter;
-  Estimator estimator(config, &reporter);
-  double speed_mps = 0.0;
-  double here_m = 0.0;
-  for (int k = 0; k < kStanding + 20; ++k) {
-    const double ahead_mps2 = k >= kStanding ? kAcceleration : 0.0;
-    here_m += kPeriod_s * (speed_mps + 0.5 * kPeriod_s * ahead_mps2);
-    speed_mps += kPeriod_s * ahead_mps2;
-    const double v_before = k > 0 ? estimator.state()->v_odom.x() : 0.0;
-    const FeatureSet features = scan_in_traffic(k, speed_mps, v_before + 0.5 * kPeriod_s * ahead_mps2);
-    ASSERT_TRUE(estimator.add(features, degeneracy::Degeneracy(), standing_imu(k, ahead_mps2)));
-  }
-  EXPECT_FALSE(reporter.has("accel_missed"));
-  EXPECT_NEAR(estimator.state()->v_odom.x(), speed_mps, 0.3);
-  EXPECT_NEAR(estimator.state()->t_odom_imu.x(), here_m, 0.3);
 }
 
 /// Gravity that lies across the ground by 8 degrees is not believed of what came before.
