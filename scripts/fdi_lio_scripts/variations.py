@@ -86,7 +86,9 @@ def _draw_imperfections(dice: random.Random, settings: Dict[str, str]) -> None:
     elif size == 2:
         settings.update({"imperfections.beam_elevation": "0.06", "imperfections.beam_azimuth": "0.06",
                          "imperfections.beam_range": "0.03", "imperfections.extrinsic_rotation": "0.4",
-                         "imperfections.extrinsic_translation": "0.02"})
+                         "imperfections.extrinsic_translation": "0.02",
+                         "imperfections.gyro_scale": "0.01", "imperfections.accel_scale": "0.01",
+                         "imperfections.imu_axes": "0.3"})
 
 
 def _draw_motion(dice: random.Random, scenario: str, settings: Dict[str, str]) -> None:

@@ -49,6 +49,11 @@ void SensorConfig::visit(ParameterVisitor& v) {
          10.0);
   v.real({"sensor.gyro_bias_walk", "rad/s^2/sqrt(Hz)", "random walk of the gyro bias"}, gyro_bias_walk, 1e-9,
          1.0);
+  v.real({"sensor.gyro_scale_sigma", "", "how well the scale of each axis of the gyro is known"},
+         gyro_scale_sigma, 0.0, 0.1);
+  v.real({"sensor.gyro_lean_sigma", "deg",
+          "how well the axes of the gyro are known, each against each other one"},
+         gyro_lean_sigma_deg, 0.0, 5.0);
   v.real({"sensor.accel_bias_walk", "m/s^3/sqrt(Hz)", "random walk of the accelerometer bias"},
          accel_bias_walk, 1e-8, 10.0);
   v.real({"sensor.accel_model_walk", "m/s^3/sqrt(Hz)",
@@ -248,6 +253,10 @@ void MappingConfig::visit(ParameterVisitor& v) {
           "estimate what is left of the offset of the clocks, with sensor.lidar_time_offset_sigma as what is "
           "known"},
          estimate_time_offset);
+  v.flag({"mapping.estimate_gyro_scale", "",
+          "estimate scales and axes of the gyro, with sensor.gyro_scale_sigma and sensor.gyro_lean_sigma as "
+          "what is known"},
+         estimate_gyro_scale);
   v.real({"mapping.tilt_walk", "deg/sqrt(m)",
           "random walk of the tilt of the local map against gravity: errors of the beams turn it on the way"},
          tilt_walk_deg, 0.0, 10.0);

@@ -83,8 +83,9 @@ std::optional<AlignmentResult> align_in_motion(const Eigen::Quaterniond& first_q
   for (Eigen::Index k = 1; k < count; ++k) {
     const AlignmentInterval& interval = intervals[static_cast<std::size_t>(k - 1)];
     const double dt = interval.imu.duration_s();
-    const CorrectedDelta delta = corrected(interval.imu, interval.imu.gyro_bias + bias_change,
-                                           interval.imu.accel_bias, interval.imu.lidar_time_offset_s);
+    ImuErrors errors = interval.imu.errors();
+    errors.gyro_bias += bias_change;
+    const CorrectedDelta delta = corrected(interval.imu, errors);
     p += v * dt + q * delta.delta_p;
     v += q * delta.delta_v;
     time_s += dt;

@@ -76,7 +76,8 @@ double longest_gap(const std::vector<ImuSample>& samples, Stamp from, Stamp to) 
 void integrate_step(const ImuSample& a, const ImuSample& b, const StepNoise& noise, Preintegration* out) {
   const double dt = seconds_between(a.stamp, b.stamp);
   if (dt <= 0.0) return;
-  const Eigen::Vector3d rate = 0.5 * (a.angular_velocity + b.angular_velocity) - out->gyro_bias;
+  const Eigen::Vector3d rate =
+      out->errors().angular_velocity(0.5 * (a.angular_velocity + b.angular_velocity));
   const Eigen::Vector3d accel = 0.5 * (a.acceleration + b.acceleration) - out->accel_bias;
   const Eigen::Vector3d half_turn = 0.5 * dt * rate;
   // The mean attitude of the step rotates the mean acceleration: second order in dt.
@@ -140,9 +141,10 @@ Eigen::Vector3d change_of_rate(const std::vector<ImuSample>& clipped, const Prei
   }
   const double between_s = last.time_s / last.count - first.time_s / first.count;
   if (between_s <= 0.0) return Eigen::Vector3d::Zero();
+  const ImuErrors errors = interval.errors();
   const Eigen::Vector3d change =
-      (last.rate / last.count - interval.gyro_bias) -
-      interval.delta_q.conjugate() * (first.rate / first.count - interval.gyro_bias);
+      errors.angular_velocity(last.rate / last.count) -
+      interval.delta_q.conjugate() * errors.angular_velocity(first.rate / first.count);
   const double step_s = interval.duration_s() / static_cast<double>(clipped.size() - 1);
   const double noise_sq =
       4.0 * 3.0 * gyro_noise * gyro_noise / step_s * (1.0 / first.count + 1.0 / last.count);
@@ -191,6 +193,7 @@ Preintegration constant_velocity(const NavState& state, Stamp to, const ImuConfi
   out.to = to;
   out.gyro_bias = state.gyro_bias;
   out.accel_bias = state.accel_bias;
+  out.gyro_scale = state.gyro_scale;
   const double dt = std::max(1e-6, out.duration_s());
   out.delta_q = so3::exp_q(dt * state.w_imu);
   out.covariance = kIdleBiasVariance * dt * Matrix15d::Identity();
@@ -221,13 +224,14 @@ Preintegration gyro_only(const Preintegration& measured, const ImuConfig& config
 }
 
 Preintegration preintegrate(const std::vector<ImuSample>& samples, Stamp from, Stamp to,
-                            const Eigen::Vector3d& gyro_bias, const Eigen::Vector3d& accel_bias,
-                            const ImuNoise& noise, const ImuConfig& config) {
+                            const ImuErrors& errors, const ImuNoise& noise, const ImuConfig& config) {
   Preintegration out;
   out.from = from;
   out.to = to;
-  out.gyro_bias = gyro_bias;
-  out.accel_bias = accel_bias;
+  out.gyro_bias = errors.gyro_bias;
+  out.accel_bias = errors.accel_bias;
+  out.gyro_scale = errors.gyro_scale;
+  out.lidar_time_offset_s = errors.lidar_time_offset_s;
   if (samples.empty()) {
     out.longest_gap_s = seconds_between(from, to);
     return out;
@@ -274,7 +278,7 @@ Preintegration with_missed_turn(const Preintegration& measured, const Eigen::Vec
 }
 
 Preintegration joined(const Preintegration& first, const Preintegration& second) {
-  const CorrectedDelta then = corrected(second, first.gyro_bias, first.accel_bias, first.lidar_time_offset_s);
+  const CorrectedDelta then = corrected(second, first.errors());
   const Eigen::Matrix3d R = first.delta_q.toRotationMatrix();
   const Eigen::Matrix3d turned_back = then.delta_q.toRotationMatrix().transpose();
   const Eigen::Matrix3d R_v_hat = R * so3::hat(then.delta_v);
@@ -285,6 +289,7 @@ Preintegration joined(const Preintegration& first, const Preintegration& second)
   out.from = first.from;
   out.gyro_bias = first.gyro_bias;
   out.accel_bias = first.accel_bias;
+  out.gyro_scale = first.gyro_scale;
   out.lidar_time_offset_s = first.lidar_time_offset_s;
   out.delta_q = (first.delta_q * then.delta_q).normalized();
   out.delta_v = first.delta_v + R * then.delta_v;
@@ -312,13 +317,17 @@ Preintegration joined(const Preintegration& first, const Preintegration& second)
   return out;
 }
 
-CorrectedDelta corrected(const Preintegration& p, const Eigen::Vector3d& gyro_bias,
-                         const Eigen::Vector3d& accel_bias, double lidar_time_offset_s) {
-  const Eigen::Vector3d dbg = gyro_bias - p.gyro_bias;
-  const Eigen::Vector3d dba = accel_bias - p.accel_bias;
+Eigen::Vector3d mean_reading(const Preintegration& p) {
+  return so3::log(p.delta_q) / std::max(1e-6, p.duration_s()) + p.gyro_bias;
+}
+
+CorrectedDelta corrected(const Preintegration& p, const ImuErrors& errors) {
+  const Eigen::Vector3d dbg =
+      errors.gyro_bias - p.gyro_bias + (errors.gyro_scale - p.gyro_scale) * mean_reading(p);
+  const Eigen::Vector3d dba = errors.accel_bias - p.accel_bias;
   CorrectedDelta delta;
-  delta.delta_q =
-      p.delta_q * so3::exp_q(p.dq_dbg * dbg + (lidar_time_offset_s - p.lidar_time_offset_s) * p.dq_doffset);
+  delta.delta_q = p.delta_q * so3::exp_q(p.dq_dbg * dbg +
+                                         (errors.lidar_time_offset_s - p.lidar_time_offset_s) * p.dq_doffset);
   delta.delta_v = p.delta_v + p.dv_dbg * dbg + p.dv_dba * dba;
   delta.delta_p = p.delta_p + p.dp_dbg * dbg + p.dp_dba * dba;
   return delta;
@@ -326,7 +335,7 @@ CorrectedDelta corrected(const Preintegration& p, const Eigen::Vector3d& gyro_bi
 
 NavState predict(const NavState& state, const Preintegration& p) {
   const double dt = p.duration_s();
-  const CorrectedDelta delta = corrected(p, state.gyro_bias, state.accel_bias, state.lidar_time_offset_s);
+  const CorrectedDelta delta = corrected(p, state.errors());
   const Eigen::Quaterniond q_pose_imu = so3::exp_q(state.mounting);
   const Eigen::Quaterniond q_imu = state.q_odom_imu * q_pose_imu;
   NavState next = state;
@@ -335,7 +344,7 @@ NavState predict(const NavState& state, const Preintegration& p) {
   next.v_odom = state.v_odom + dt * state.g_odom + q_imu * delta.delta_v;
   next.t_odom_imu =
       state.t_odom_imu + dt * state.v_odom + 0.5 * dt * dt * state.g_odom + q_imu * delta.delta_p;
-  next.w_imu = p.last_angular_velocity - state.gyro_bias;
+  next.w_imu = state.errors().angular_velocity(p.last_angular_velocity);
   return next;
 }
 

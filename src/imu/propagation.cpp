@@ -7,13 +7,15 @@ namespace fdi_lio::imu {
 
 NavState step(const NavState& state, const ImuSample& before, const ImuSample& after) {
   const double dt = seconds_between(state.stamp, after.stamp);
-  const Eigen::Vector3d rate = 0.5 * (before.angular_velocity + after.angular_velocity) - state.gyro_bias;
+  const ImuErrors errors = state.errors();
+  const Eigen::Vector3d rate =
+      errors.angular_velocity(0.5 * (before.angular_velocity + after.angular_velocity));
   const Eigen::Quaterniond q_pose_imu = so3::exp_q(state.mounting);
   const Eigen::Quaterniond q_imu = state.q_odom_imu * q_pose_imu;
   NavState next = state;
   next.stamp = after.stamp;
   next.q_odom_imu = (q_imu * so3::exp_q(dt * rate) * q_pose_imu.conjugate()).normalized();
-  next.w_imu = after.angular_velocity - state.gyro_bias;
+  next.w_imu = errors.angular_velocity(after.angular_velocity);
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();
   if (state.imu_status == ImuStatus::kInitialised) {
     const Eigen::Vector3d force = 0.5 * (before.acceleration + after.acceleration) - state.accel_bias;

@@ -14,13 +14,11 @@ std::optional<Preintegration> preintegrate_scan_interval(const ImuBuffer& imu,
   const bool has_state = state && !is_jump(state->stamp, to);
   const Stamp newest = has_state ? state->stamp : add_seconds(to, -config.imu.static_duration_s);
   const Stamp from = unanswered.value_or(newest);
-  const NavState neutral;
-  const NavState& biases = has_state ? *state : neutral;
-  const double offset_s = biases.lidar_time_offset_s;
+  const ImuErrors errors = has_state ? state->errors() : ImuErrors();
+  const double offset_s = errors.lidar_time_offset_s;
   const ImuStatistics recent = imu.statistics(add_seconds(to, offset_s), config.imu.static_duration_s);
-  Preintegration result = preintegrate(imu.between(from, to, offset_s), from, to, biases.gyro_bias,
-                                       biases.accel_bias, noise_of(config.sensor, recent), config.imu);
-  result.lidar_time_offset_s = offset_s;
+  Preintegration result = preintegrate(imu.between(from, to, offset_s), from, to, errors,
+                                       noise_of(config.sensor, recent), config.imu);
   result.recent = recent;
   return result;
 }

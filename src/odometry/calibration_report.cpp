@@ -17,6 +17,8 @@ constexpr double kUsualMounting = 5.0;  ///< error of the mounting in its standa
 constexpr double kLeastMountingSigma_deg = 0.05;
 constexpr double kUsualTimeOffset = 2.0;  ///< in its standard deviations
 constexpr double kLeastTimeOffsetSigma_s = 1e-3;
+constexpr double kUsualGyroScale = 3.0;  ///< in its standard deviations
+constexpr double kLeastGyroScaleSigma = 2e-3;
 /// The time offset is reported when it has changed by no more than this share in so many scans.
 constexpr double kSettledShare = 0.05;
 constexpr int kSettledScans = 30;
@@ -28,6 +30,7 @@ CalibrationReport::CalibrationReport(const SensorConfig& sensor, Reporter* repor
 
 void CalibrationReport::add(const imu::NavState& state, const imu::ImuStatistics& recent) {
   report_mounting(state);
+  report_gyro_scale(state);
   if (imu::is_shaken(sensor_, recent)) report_vibration(recent);
   if (scans_++ % kSettledScans == 0) report_time_offset(state);
 }
@@ -43,6 +46,20 @@ void CalibrationReport::report_mounting(const imu::NavState& state) {
        << "); scans and IMU fit with rotation: [" << std::setprecision(6) << q.x() << ", " << q.y() << ", "
        << q.z() << ", " << q.w() << "]";
   reporter_->report(Severity::kWarning, "mounting", text.str());
+}
+
+void CalibrationReport::report_gyro_scale(const imu::NavState& state) {
+  int axis = 0;
+  const double error = state.gyro_scale.diagonal().cwiseAbs().maxCoeff(&axis);
+  if (error <= kUsualGyroScale * std::max(sensor_.gyro_scale_sigma, kLeastGyroScaleSigma)) return;
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(1) << "the gyro seems to read turns about its "
+       << "xyz"[axis] << " axis " << 100.0 * error << " % too "
+       << (state.gyro_scale(axis, axis) > 0.0 ? "large" : "small") << " (sensor.gyro_scale_sigma "
+       << std::setprecision(3) << sensor_.gyro_scale_sigma
+       << "); the estimate takes that into account. Calibrate the IMU, or say with sensor.gyro_scale_sigma "
+          "that its scale is not known so well";
+  reporter_->report(Severity::kWarning, "gyro_scale", text.str());
 }
 
 void CalibrationReport::report_time_offset(const imu::NavState& state) {

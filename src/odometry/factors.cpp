@@ -24,9 +24,11 @@ constexpr int kGravity = 0;
 constexpr int kMounting = 3;
 constexpr int kBeamElevation = 6;
 constexpr int kTimeOffset = 7;
+constexpr int kGyroScale = 8;         ///< column by column
 constexpr double kLeastRadius = 1.0;  ///< of the features [m]
 
 using Vector3Map = Eigen::Map<const Eigen::Vector3d>;
+using Matrix3Map = Eigen::Map<const Eigen::Matrix3d>;
 template <int Rows, int Columns>
 using RowMajor = Eigen::Matrix<double, Rows, Columns, Eigen::RowMajor>;
 
@@ -43,6 +45,7 @@ imu::NavState apply(const imu::NavState& state, const double* delta_state, const
   moved.mounting += Vector3Map(delta_shared + kMounting);
   moved.beam_elevation += delta_shared[kBeamElevation];
   moved.lidar_time_offset_s += delta_shared[kTimeOffset];
+  moved.gyro_scale += Matrix3Map(delta_shared + kGyroScale);
   return moved;
 }
 
@@ -70,8 +73,7 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
   i.q_odom_imu = i.q_odom_imu * q_pose_imu;
   j.q_odom_imu = j.q_odom_imu * q_pose_imu;
   const double dt = preintegration_.duration_s();
-  const imu::CorrectedDelta delta =
-      imu::corrected(preintegration_, i.gyro_bias, i.accel_bias, i.lidar_time_offset_s);
+  const imu::CorrectedDelta delta = imu::corrected(preintegration_, i.errors());
   const Eigen::Vector3d g = with_gravity_ ? i.g_odom : Eigen::Vector3d::Zero();
   const Eigen::Matrix3d Ri_T = i.q_odom_imu.toRotationMatrix().transpose();
   const Eigen::Vector3d turn = -i.beam_elevation * bend_;
@@ -106,8 +108,10 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
   const Eigen::Matrix3d dp_dtheta = half_E * so3::hat(step) - so3::hat(step_fallen);
   const Eigen::Matrix3d dv_dtheta = E * so3::hat(v_j) - so3::hat(v_fallen);
   // Of r_theta with respect to the vector by whose exponential `delta` is corrected.
+  const Eigen::Vector3d mean_reading = imu::mean_reading(preintegration_);
   const Eigen::Vector3d correction =
-      preintegration_.dq_dbg * (i.gyro_bias - preintegration_.gyro_bias) +
+      preintegration_.dq_dbg * (i.gyro_bias - preintegration_.gyro_bias +
+                                (i.gyro_scale - preintegration_.gyro_scale) * mean_reading) +
       (i.lidar_time_offset_s - preintegration_.lidar_time_offset_s) * preintegration_.dq_doffset;
   const Eigen::Matrix3d dr_dcorrection =
       -jr_inv * so3::exp(r_theta).transpose() * so3::right_jacobian(correction);
@@ -152,6 +156,12 @@ bool MotionCost::Evaluate(double const* const* parameters, double* residuals, do
     J.block<3, 1>(kPosition, kBeamElevation) = -0.5 * bend_.cross(half_E * step);
     J.block<3, 1>(kVelocity, kBeamElevation) = -bend_.cross(E * v_j);
     J.block<3, 1>(kTheta, kTimeOffset) = dr_dcorrection * preintegration_.dq_doffset;
+    for (int axis = 0; axis < 3; ++axis) {
+      const int column = kGyroScale + 3 * axis;
+      J.block<3, 3>(kTheta, column) = mean_reading[axis] * dr_dcorrection * preintegration_.dq_dbg;
+      J.block<3, 3>(kPosition, column) = -mean_reading[axis] * preintegration_.dp_dbg;
+      J.block<3, 3>(kVelocity, column) = -mean_reading[axis] * preintegration_.dv_dbg;
+    }
     Eigen::Map<RowMajor<15, kSharedSize>>{jacobians[2]} = sqrt_information_ * J;
   }
   return true;
@@ -198,6 +208,7 @@ bool PriorCost::Evaluate(double const* const* parameters, double* residuals, dou
   d.segment<3>(kStateSize + kMounting) = state.mounting - origin.mounting;
   d[kStateSize + kBeamElevation] = state.beam_elevation - origin.beam_elevation;
   d[kStateSize + kTimeOffset] = state.lidar_time_offset_s - origin.lidar_time_offset_s;
+  Eigen::Map<Eigen::Matrix3d>(d.data() + kStateSize + kGyroScale) = state.gyro_scale - origin.gyro_scale;
   Eigen::Map<PriorVector>{residuals} = prior_.sqrt_information * d + prior_.offset;
   if (jacobians == nullptr) return true;
   if (jacobians[0] != nullptr) {

@@ -101,7 +101,7 @@ std::optional<ImuStart::Found> ImuStart::in_motion(const imu::NavState& before, 
   state.accel_bias = aligned->accel_bias;
   state.g_odom = aligned->g_odom;
   state.v_odom = aligned->v_odom;
-  state.w_imu = imu.last_angular_velocity - state.gyro_bias;
+  state.w_imu = state.errors().angular_velocity(imu.last_angular_velocity);
   Smoother::InitialSigma sigma;
   sigma.velocity = 0.2;
   sigma.gyro_bias = 5e-3;

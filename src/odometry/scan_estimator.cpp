@@ -32,6 +32,10 @@ Smoother::CalibrationSigma calibration_sigma(const Config& config) {
   if (config.mapping.estimate_mounting) sigma.mounting_rad = config.sensor.mounting_sigma_deg * M_PI / 180.0;
   if (config.mapping.estimate_time_offset)
     sigma.lidar_time_offset_s = config.sensor.lidar_time_offset_sigma_s;
+  if (config.mapping.estimate_gyro_scale) {
+    sigma.gyro_scale = config.sensor.gyro_scale_sigma;
+    sigma.gyro_lean = config.sensor.gyro_lean_sigma_deg * M_PI / 180.0;
+  }
   return sigma;
 }
 
@@ -321,7 +325,7 @@ void ScanEstimator::take_up_imu(const std::optional<imu::Preintegration>& imu) {
   const bool has_imu = imu && imu->sample_count > 0;
   // Without an IMU the angular velocity is the mean of the last interval.
   const Eigen::Vector3d w_imu =
-      has_imu ? Eigen::Vector3d(imu->last_angular_velocity - newest.gyro_bias)
+      has_imu ? newest.errors().angular_velocity(imu->last_angular_velocity)
               : Eigen::Vector3d(
                     so3::log(Eigen::Quaterniond(before_.q_odom_imu.conjugate() * newest.q_odom_imu)) / dt);
   smoother_.annotate_newest(newest.imu_status, w_imu);

@@ -22,6 +22,8 @@ constexpr double kKnownMounting = 1e-6;
 constexpr double kKnownTimeOffset = 1e-6;
 /// Random walk of the time offset [s/sqrt(s)]: clocks that are not synchronised drift by some 1e-5 to 1e-4.
 constexpr double kTimeOffsetWalk = 3e-4;
+/// Standard deviation of a scale of the gyro that is taken as stated.
+constexpr double kKnownGyroScale = 1e-6;
 /// Standard deviation of an elevation of the beams that is taken as stated [rad].
 constexpr double kKnownElevation = 1e-6;
 /// Least variances of the walks of gravity, elevation and time offset, which must be some.
@@ -35,6 +37,7 @@ constexpr double kElevationWay = 3000.0;
 constexpr int kGravity = kStateSize;
 constexpr int kElevation = kStateSize + 6;
 constexpr int kTimeOffset = kStateSize + 7;
+constexpr int kGyroScale = kStateSize + 8;
 constexpr int kMaxIterations = 3;  ///< the association is renewed outside, so that few inner steps suffice
 
 Eigen::MatrixXd to_dense(const ceres::CRSMatrix& sparse) {
@@ -123,7 +126,9 @@ Smoother::Smoother(int window_size, double gravity_mps2, const CalibrationSigma&
     : window_size_(window_size),
       gravity_mps2_(gravity_mps2),
       calibration_{std::max(calibration.mounting_rad, kKnownMounting),
-                   std::max(calibration.lidar_time_offset_s, kKnownTimeOffset)},
+                   std::max(calibration.lidar_time_offset_s, kKnownTimeOffset),
+                   std::max(calibration.gyro_scale, kKnownGyroScale),
+                   std::max(calibration.gyro_lean, kKnownGyroScale)},
       tilt_walk_(tilt_walk) {}
 
 void Smoother::start(const imu::NavState& state, const InitialSigma& sigma) {
@@ -139,6 +144,9 @@ void Smoother::start(const imu::NavState& state, const InitialSigma& sigma) {
   for (int k = 0; k < kElevation; ++k) each[k] = sigmas[k / 3];
   each[kElevation] = beam_elevation_sigma_;
   each[kTimeOffset] = calibration_.lidar_time_offset_s;
+  Eigen::Matrix3d scales = Eigen::Matrix3d::Constant(calibration_.gyro_lean);
+  scales.diagonal().setConstant(calibration_.gyro_scale);
+  each.tail<9>() = Eigen::Map<const Eigen::Matrix<double, 9, 1>>(scales.data());
   Eigen::MatrixXd H = each.cwiseAbs2().cwiseInverse().asDiagonal();
   if (sigma.rest_acceleration > 0.0) {
     // Measured at rest in the axes of the IMU: a = b_a - Exp(mounting)' R' g.

@@ -150,6 +150,7 @@ EstimatorStatePtr to_state_message(const odometry::EstimateResult& estimate, Sta
   message->velocity = to_message(state.v_odom);
   message->gyro_bias = to_message(state.gyro_bias);
   message->accel_bias = to_message(state.accel_bias);
+  fill(state.gyro_scale, &message->gyro_scale);
   message->mounting = to_message(state.mounting);
   message->lidar_time_offset = state.lidar_time_offset_s;
   message->gravity = to_message(state.g_odom);
@@ -168,6 +169,7 @@ imu::NavState to_state(const EstimatorState& message) {
   state.v_odom = to_vector(message.velocity);
   state.gyro_bias = to_vector(message.gyro_bias);
   state.accel_bias = to_vector(message.accel_bias);
+  read(message.gyro_scale, &state.gyro_scale);
   state.mounting = to_vector(message.mounting);
   state.lidar_time_offset_s = message.lidar_time_offset;
   state.g_odom = to_vector(message.gravity);
@@ -188,6 +190,7 @@ PreintegratedImuPtr to_message(const imu::Preintegration& preintegration, const 
   fill(preintegration.covariance, &message->covariance);
   message->gyro_bias = to_message(preintegration.gyro_bias);
   message->accel_bias = to_message(preintegration.accel_bias);
+  fill(preintegration.gyro_scale, &message->gyro_scale);
   message->lidar_time_offset = preintegration.lidar_time_offset_s;
   fill(preintegration.dq_dbg, &message->dq_dbg);
   fill(preintegration.dv_dbg, &message->dv_dbg);
@@ -220,6 +223,7 @@ imu::Preintegration to_preintegration(const PreintegratedImu& message) {
   read(message.covariance, &preintegration.covariance);
   preintegration.gyro_bias = to_vector(message.gyro_bias);
   preintegration.accel_bias = to_vector(message.accel_bias);
+  read(message.gyro_scale, &preintegration.gyro_scale);
   preintegration.lidar_time_offset_s = message.lidar_time_offset;
   read(message.dq_dbg, &preintegration.dq_dbg);
   read(message.dv_dbg, &preintegration.dv_dbg);

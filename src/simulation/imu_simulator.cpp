@@ -17,13 +17,30 @@ Eigen::Vector3d random_vector(double sigma, Random* random) {
   return sigma * Eigen::Vector3d(x, y, z);
 }
 
+/// Scale errors on the diagonal, what the axes lean towards each other beside it.
+Eigen::Matrix3d random_axes(double scale, double lean_rad, Random* random) {
+  Eigen::Matrix3d axes;
+  for (int row = 0; row < 3; ++row) {
+    for (int col = 0; col < 3; ++col) {
+      axes(row, col) = row == col ? 1.0 + scale * random->normal() : lean_rad * random->normal();
+    }
+  }
+  return axes;
+}
+
 }  // namespace
 
-ImuSimulator::ImuSimulator(const Trajectory& trajectory, const ImuSettings& settings, std::uint64_t seed)
+ImuSimulator::ImuSimulator(const Trajectory& trajectory, const ImuSettings& settings,
+                           const ImperfectionSettings& imperfections, std::uint64_t seed)
     : trajectory_(trajectory), settings_(settings), seed_(seed) {
   Random random(seed, kStreamImuBias);
   gyro_bias_ = random_vector(settings.gyro_bias, &random);
   accel_bias_ = random_vector(settings.accel_bias, &random);
+  if (!imperfections.enabled) return;
+  Random random_of_axes(seed, kStreamImuAxes);
+  const double lean_rad = imperfections.imu_axes_deg * M_PI / 180.0;
+  axes_.gyro = random_axes(imperfections.gyro_scale, lean_rad, &random_of_axes);
+  axes_.accel = random_axes(imperfections.accel_scale, lean_rad, &random_of_axes);
 }
 
 ImuReading ImuSimulator::next() {
@@ -36,9 +53,10 @@ ImuReading ImuSimulator::next() {
   const Eigen::Vector3d gravity_map(0.0, 0.0, -settings_.gravity_mps2);
   reading.true_gyro_bias = gyro_bias_;
   reading.true_accel_bias = accel_bias_;
-  reading.gyro = state.w_imu + gyro_bias_ + random_vector(settings_.gyro_noise * root_rate, &random);
-  reading.accel = state.T_map_imu.linear().transpose() * (state.a_map - gravity_map) + accel_bias_ +
-                  random_vector(settings_.accel_noise * root_rate, &random);
+  reading.gyro =
+      axes_.gyro * state.w_imu + gyro_bias_ + random_vector(settings_.gyro_noise * root_rate, &random);
+  reading.accel = axes_.accel * (state.T_map_imu.linear().transpose() * (state.a_map - gravity_map)) +
+                  accel_bias_ + random_vector(settings_.accel_noise * root_rate, &random);
   reading.orientation =
       Eigen::Quaterniond(state.T_map_imu.linear()) * so3::exp_q(random_vector(kOrientationNoiseRad, &random));
   gyro_bias_ += random_vector(settings_.gyro_bias_walk / root_rate, &random);

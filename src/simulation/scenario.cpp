@@ -74,6 +74,10 @@ void ImperfectionSettings::visit(ParameterVisitor& v) {
          10.0);
   v.real({"imperfections.extrinsic_translation", "m", "error of the mounting"}, extrinsic_translation_m, 0.0,
          1.0);
+  v.real({"imperfections.gyro_scale", "", "error of the scale of each axis"}, gyro_scale, 0.0, 0.1);
+  v.real({"imperfections.accel_scale", "", "error of the scale of each axis"}, accel_scale, 0.0, 0.1);
+  v.real({"imperfections.imu_axes", "deg", "what each axis of the IMU leans towards each other one"},
+         imu_axes_deg, 0.0, 5.0);
 }
 
 void GnssSettings::visit(ParameterVisitor& v) {

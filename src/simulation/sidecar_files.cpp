@@ -35,6 +35,10 @@ std::string list_of(const std::vector<double>& values, double scale) {
 
 std::string vector_text(const Eigen::Vector3d& v) { return list_of({v.x(), v.y(), v.z()}, 1.0); }
 
+std::string matrix_text(const Eigen::Matrix3d& m) {
+  return "[" + vector_text(m.row(0)) + ", " + vector_text(m.row(1)) + ", " + vector_text(m.row(2)) + "]";
+}
+
 std::string quaternion_text(const Eigen::Quaterniond& q) {
   char text[128];
   std::snprintf(text, sizeof(text), "[%.9g, %.9g, %.9g, %.9g]", q.x(), q.y(), q.z(), q.w());
@@ -73,8 +77,8 @@ void LabelWriter::add(Stamp stamp, const std::vector<std::int16_t>& labels) {
 void LabelWriter::close() { finish(&out_, path_); }
 
 void write_truth(const std::string& path, const Scenario& scenario, std::uint64_t seed,
-                 std::optional<double> tunnel_begin_x_m, const LidarErrors& errors, const ImuReading& first,
-                 const ImuReading& last) {
+                 std::optional<double> tunnel_begin_x_m, const LidarErrors& errors, const ImuAxes& axes,
+                 const ImuReading& first, const ImuReading& last) {
   std::ofstream out = open_for_writing(path);
   out << "seed: " << seed << "\n";
   if (tunnel_begin_x_m) out << "tunnel_begin_x: " << *tunnel_begin_x_m << "\n";
@@ -86,6 +90,8 @@ void write_truth(const std::string& path, const Scenario& scenario, std::uint64_
       << "gyro_bias_last: " << vector_text(last.true_gyro_bias) << "\n"
       << "accel_bias_first: " << vector_text(first.true_accel_bias) << "\n"
       << "accel_bias_last: " << vector_text(last.true_accel_bias) << "\n"
+      << "gyro_axes: " << matrix_text(axes.gyro) << "\n"
+      << "accel_axes: " << matrix_text(axes.accel) << "\n"
       << "beam_elevation_error_deg: " << list_of(errors.elevation_rad, 1.0 / kDegree) << "\n"
       << "beam_azimuth_error_deg: " << list_of(errors.azimuth_rad, 1.0 / kDegree) << "\n"
       << "beam_range_error_m: " << list_of(errors.range_m, 1.0) << "\n"

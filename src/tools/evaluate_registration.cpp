@@ -108,6 +108,7 @@ fdi_lio::Config with_true_calibration(fdi_lio::Config config, const std::string&
   config.mapping.soften_weak_directions = false;
   config.mapping.estimate_mounting = false;
   config.mapping.estimate_time_offset = false;
+  config.mapping.estimate_gyro_scale = false;
   return config;
 }
 

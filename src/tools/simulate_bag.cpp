@@ -90,7 +90,7 @@ class Recorder {
         model_(sim::make_lidar_model(scenario.lidar)),
         lidar_(*place_.world, *drive_, model_, sim::draw_lidar_errors(scenario, model_, noise_seed),
                scenario.world.dust_per_m, scenario.lidar, noise_seed),
-        imu_(*drive_, scenario.imu, noise_seed),
+        imu_(*drive_, scenario.imu, scenario.imperfections, noise_seed),
         gnss_(*drive_, scenario.gnss, noise_seed),
         wheels_(*drive_, scenario.wheels, noise_seed),
         tum_(files.working(".tum")),
@@ -131,7 +131,7 @@ class Recorder {
     tum_.close();
     labels_.close();
     sim::write_truth(files.working(".yaml"), scenario_, seed, place_.tunnel_begin_x_m, lidar_.errors(),
-                     first_, next_);
+                     imu_.axes(), first_, next_);
     sim::write_system_config(files.working(".config.yaml"), scenario_, model_);
   }
   /// A scan as it is written.

@@ -45,8 +45,7 @@ TEST(AlignInMotion, FindsGravityBiasAndVelocityInATiltedFrame) {
           kAccelBias * (motion.attitude(0.1 * k).conjugate() * motion.gravity.normalized());
     }
     const Preintegration p =
-        preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
-                     Eigen::Vector3d::Zero(), ImuNoise(), ImuConfig());
+        preintegrate(samples, samples.front().stamp, samples.back().stamp, {}, ImuNoise(), ImuConfig());
     intervals.push_back({motion.attitude(0.1 * (k + 1)), motion.position(0.1 * (k + 1)), p});
   }
   const auto result = align_in_motion(motion.attitude(0.0), motion.position(0.0), intervals, 9.81);
@@ -70,8 +69,7 @@ TEST(AlignInMotion, TheStatedDeviationOfGravityIsTheTrueOne) {
   for (int k = 0; k < 20; ++k) {
     const auto samples = motion.samples(0.1 * k, 0.1 * (k + 1), 200.0);
     const Preintegration p =
-        preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
-                     Eigen::Vector3d::Zero(), ImuNoise(), ImuConfig());
+        preintegrate(samples, samples.front().stamp, samples.back().stamp, {}, ImuNoise(), ImuConfig());
     exact.push_back({motion.attitude(0.1 * (k + 1)), motion.position(0.1 * (k + 1)), p});
   }
   std::mt19937 random(1);

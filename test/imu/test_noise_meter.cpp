@@ -139,8 +139,7 @@ TEST(Preintegration, NoiseDoesNotTellTheTime) {
     ImuNoise noise;
     noise.gyro_seen = kGyro;
     const Preintegration p =
-        preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
-                     Eigen::Vector3d::Zero(), noise, ImuConfig());
+        preintegrate(samples, samples.front().stamp, samples.back().stamp, {}, noise, ImuConfig());
     told += p.dq_doffset.norm() > 0.0 ? 1 : 0;
   }
   EXPECT_LT(told, 10);

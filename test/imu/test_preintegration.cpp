@@ -13,7 +13,7 @@ const ImuNoise kNoise{1e-3, 1e-2, 1e-4, 1e-3};
 
 Preintegration integrate(const std::vector<ImuSample>& samples, const Eigen::Vector3d& bg,
                          const Eigen::Vector3d& ba) {
-  return preintegrate(samples, samples.front().stamp, samples.back().stamp, bg, ba, kNoise, ImuConfig());
+  return preintegrate(samples, samples.front().stamp, samples.back().stamp, {bg, ba}, kNoise, ImuConfig());
 }
 
 TEST(Preintegration, PredictsTheTrueMotion) {
@@ -32,8 +32,7 @@ TEST(Preintegration, ClipsToBoundsThatLieBetweenReadings) {
   const auto samples = motion.samples(0.0, 1.0, 100.0);
   const Stamp from = to_nanoseconds(100.2537);
   const Stamp to = to_nanoseconds(100.6281);
-  const Preintegration p =
-      preintegrate(samples, from, to, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), kNoise, ImuConfig());
+  const Preintegration p = preintegrate(samples, from, to, {}, kNoise, ImuConfig());
   const NavState predicted = predict(motion.state(0.2537), p);
   EXPECT_LT((predicted.t_odom_imu - motion.position(0.6281)).norm(), 5e-4);
   EXPECT_EQ(p.sample_count, 37U);
@@ -123,7 +122,7 @@ TEST(Preintegration, TwoThatAreJoinedAreThatOfAllReadings) {
   const Stamp middle = samples[30].stamp;
   const Stamp end = samples.back().stamp;
   const auto over = [&](Stamp from, Stamp to, const Eigen::Vector3d& gyro_bias) {
-    return preintegrate(samples, from, to, gyro_bias, Eigen::Vector3d(0.05, -0.02, 0.01), kNoise,
+    return preintegrate(samples, from, to, {gyro_bias, Eigen::Vector3d(0.05, -0.02, 0.01)}, kNoise,
                         ImuConfig());
   };
   const Eigen::Vector3d bias(0.01, -0.02, 0.03);
@@ -158,8 +157,7 @@ TEST(Preintegration, TimeOffsetJacobianIsNumeric) {
   const SyntheticMotion motion;
   const auto late_by = [&motion](double offset_s) {
     const auto samples = motion.samples(0.5 + offset_s, 0.6 + offset_s, 1000.0);
-    return preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
-                        Eigen::Vector3d::Zero(), kNoise, ImuConfig());
+    return preintegrate(samples, samples.front().stamp, samples.back().stamp, {}, kNoise, ImuConfig());
   };
   constexpr double kStep = 1e-3;
   const Preintegration p = late_by(0.0);
@@ -169,9 +167,62 @@ TEST(Preintegration, TimeOffsetJacobianIsNumeric) {
       (2.0 * kStep);
   EXPECT_GT(numeric.norm(), 1e-3);
   EXPECT_LT((p.dq_doffset - numeric).norm(), 1e-4 * (1.0 + numeric.norm())) << p.dq_doffset.transpose();
-  const CorrectedDelta moved = corrected(p, p.gyro_bias, p.accel_bias, 5.0 * kStep);
+  const CorrectedDelta moved = corrected(p, {p.gyro_bias, p.accel_bias, p.gyro_scale, 5.0 * kStep});
   EXPECT_LT(moved.delta_q.angularDistance(late_by(5.0 * kStep).delta_q),
             0.05 * p.delta_q.angularDistance(late_by(5.0 * kStep).delta_q));
+}
+
+/// Readings of a gyro with such scales, of a motion that is known.
+std::vector<ImuSample> misread(std::vector<ImuSample> samples, const Eigen::Matrix3d& gyro_scale) {
+  const Eigen::Matrix3d read = (Eigen::Matrix3d::Identity() - gyro_scale).inverse();
+  for (ImuSample& sample : samples) sample.angular_velocity = read * sample.angular_velocity;
+  return samples;
+}
+
+Eigen::Matrix3d some_scale() {
+  Eigen::Matrix3d scale;
+  scale << 0.02, -0.004, 0.006, 0.003, -0.015, 0.005, -0.007, 0.002, 0.01;
+  return scale;
+}
+
+TEST(Preintegration, ScalesOfTheGyroAreTakenOut) {
+  const SyntheticMotion motion;
+  const auto samples = misread(motion.samples(0.5, 1.5, 400.0), some_scale());
+  NavState state = motion.state(0.5);
+  state.gyro_scale = some_scale();
+  const Preintegration p =
+      preintegrate(samples, samples.front().stamp, samples.back().stamp, state.errors(), kNoise, ImuConfig());
+  const NavState predicted = predict(state, p);
+  EXPECT_LT((predicted.t_odom_imu - motion.position(1.5)).norm(), 1e-4);
+  EXPECT_LT(predicted.q_odom_imu.angularDistance(motion.attitude(1.5)), 1e-5);
+  EXPECT_LT((predicted.w_imu - motion.rate(1.5)).norm(), 1e-9);
+  EXPECT_EQ(predicted.gyro_scale, state.gyro_scale);
+  // As it is without.
+  const Preintegration wrong = integrate(samples, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
+  EXPECT_GT(predict(motion.state(0.5), wrong).q_odom_imu.angularDistance(motion.attitude(1.5)), 5e-3);
+
+  const auto states = propagate(state, samples, samples.back().stamp);
+  EXPECT_LT(states.back().q_odom_imu.angularDistance(motion.attitude(1.5)), 1e-4);
+  EXPECT_LT((states.back().w_imu - motion.rate(1.5)).norm(), 1e-9);
+}
+
+// To first order, against readings that are integrated with it from the begin.
+TEST(Preintegration, OtherScalesOfTheGyroNeedNoReadings) {
+  const SyntheticMotion motion;
+  const auto samples = motion.samples(0.5, 0.6, 400.0);
+  const auto with = [&samples](const Eigen::Matrix3d& scale) {
+    return preintegrate(samples, samples.front().stamp, samples.back().stamp,
+                        {Eigen::Vector3d(0.01, 0.0, -0.01), Eigen::Vector3d::Zero(), scale}, kNoise,
+                        ImuConfig());
+  };
+  const Preintegration from = with(some_scale());
+  const Preintegration to = with(2.0 * some_scale());
+  const CorrectedDelta moved = corrected(from, to.errors());
+  EXPECT_LT(moved.delta_q.angularDistance(to.delta_q), 0.05 * from.delta_q.angularDistance(to.delta_q));
+  EXPECT_LT((moved.delta_v - to.delta_v).norm(), 0.05 * (from.delta_v - to.delta_v).norm());
+  EXPECT_LT((moved.delta_p - to.delta_p).norm(), 0.05 * (from.delta_p - to.delta_p).norm());
+  const Preintegration both = joined(from, to);
+  EXPECT_EQ(both.gyro_scale, from.gyro_scale);
 }
 
 /// Against blows of random strength at random instants.
@@ -214,8 +265,7 @@ TEST(Preintegration, AnErrorOfTheTurnTurnsWhatWasFelt) {
 }
 
 TEST(Preintegration, NoReadingGivesNoSamples) {
-  const Preintegration p = preintegrate({}, 0, to_nanoseconds(0.1), Eigen::Vector3d::Zero(),
-                                        Eigen::Vector3d::Zero(), kNoise, ImuConfig());
+  const Preintegration p = preintegrate({}, 0, to_nanoseconds(0.1), {}, kNoise, ImuConfig());
   EXPECT_EQ(p.sample_count, 0U);
 }
 
@@ -237,8 +287,7 @@ TEST(Propagation, TurnsReadingsOfATurnedImuIntoTheAxesOfThePose) {
 
   const auto samples = motion.samples(0.5, 0.6, 2000.0);
   const Preintegration p =
-      preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
-                   Eigen::Vector3d::Zero(), ImuNoise(), ImuConfig());
+      preintegrate(samples, samples.front().stamp, samples.back().stamp, {}, ImuNoise(), ImuConfig());
   const NavState predicted = predict(motion.state(0.5), p);
   EXPECT_LT((predicted.t_odom_imu - motion.position(0.6)).norm(), 1e-5);
   EXPECT_LT((predicted.v_odom - motion.velocity(0.6)).norm(), 1e-4);

@@ -161,6 +161,7 @@ TEST_F(Conversions, StatusAndStateKeepEveryBit) {
   state.v_odom = vector();
   state.gyro_bias = vector();
   state.accel_bias = vector();
+  randomise(&state.gyro_scale);
   state.mounting = vector();
   state.lidar_time_offset_s = number();
   state.g_odom = vector();
@@ -183,6 +184,7 @@ TEST_F(Conversions, StatusAndStateKeepEveryBit) {
   EXPECT_EQ(back.v_odom, state.v_odom);
   EXPECT_EQ(back.gyro_bias, state.gyro_bias);
   EXPECT_EQ(back.accel_bias, state.accel_bias);
+  EXPECT_EQ(back.gyro_scale, state.gyro_scale);
   EXPECT_EQ(back.mounting, state.mounting);
   EXPECT_EQ(back.lidar_time_offset_s, state.lidar_time_offset_s);
   EXPECT_EQ(back.g_odom, state.g_odom);
@@ -202,6 +204,7 @@ TEST_F(Conversions, PreintegrationKeepsEveryBit) {
   p.dq_doffset = vector();
   p.gyro_bias = vector();
   p.accel_bias = vector();
+  randomise(&p.gyro_scale);
   for (Eigen::Matrix3d* jacobian : {&p.dq_dbg, &p.dv_dbg, &p.dv_dba, &p.dp_dbg, &p.dp_dba})
     randomise(jacobian);
   p.sample_count = 11;
@@ -217,6 +220,7 @@ TEST_F(Conversions, PreintegrationKeepsEveryBit) {
   EXPECT_EQ(back.covariance, p.covariance);
   EXPECT_EQ(back.gyro_bias, p.gyro_bias);
   EXPECT_EQ(back.accel_bias, p.accel_bias);
+  EXPECT_EQ(back.gyro_scale, p.gyro_scale);
   EXPECT_EQ(back.dq_dbg, p.dq_dbg);
   EXPECT_EQ(back.dv_dbg, p.dv_dbg);
   EXPECT_EQ(back.dv_dba, p.dv_dba);

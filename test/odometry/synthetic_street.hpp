@@ -59,9 +59,8 @@ inline imu::Preintegration steady_imu(double time_s, const Eigen::Vector3d& felt
   for (int n = -20; n <= 0; ++n) {
     samples.push_back({to_nanoseconds(time_s + 0.05 * kPeriod_s * n), felt, Eigen::Vector3d::Zero()});
   }
-  imu::Preintegration imu =
-      imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
-                        Eigen::Vector3d::Zero(), imu::ImuNoise(), ImuConfig());
+  imu::Preintegration imu = imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, {},
+                                              imu::ImuNoise(), ImuConfig());
   imu.recent.count = 200;
   imu.recent.duration_s = 1.0;
   imu.recent.mean_acceleration = felt;

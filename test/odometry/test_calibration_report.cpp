@@ -25,6 +25,19 @@ TEST(CalibrationReport, NamesTheRotationThatFits) {
   EXPECT_NE(reporter.take_new().front().text.find("0.049979, 0.998750]"), std::string::npos);
 }
 
+TEST(CalibrationReport, NamesTheAxisOfTheGyroThatIsOff) {
+  Reporter reporter;
+  CalibrationReport report(SensorConfig(), &reporter);
+  imu::NavState state;
+  state.gyro_scale(1, 1) = -0.02;
+  report.add(state, imu::ImuStatistics());
+  EXPECT_FALSE(reporter.has("gyro_scale"));
+  state.gyro_scale(1, 1) = -0.04;
+  report.add(state, imu::ImuStatistics());
+  ASSERT_TRUE(reporter.has("gyro_scale"));
+  EXPECT_NE(reporter.take_new().front().text.find("its y axis 4.0 % too small"), std::string::npos);
+}
+
 TEST(CalibrationReport, AnOffsetIsNamedOnceItHasSettled) {
   Reporter reporter;
   SensorConfig sensor;

@@ -56,7 +56,7 @@ class Factors : public testing::Test {
   imu::Preintegration preintegration() const {
     const auto samples = motion_.samples(0.5, 0.6, 100.0);
     return imu::preintegrate(samples, samples.front().stamp, samples.back().stamp,
-                             Eigen::Vector3d(0.01, 0.0, -0.01), Eigen::Vector3d(0.1, 0.05, 0.0),
+                             {Eigen::Vector3d(0.01, 0.0, -0.01), Eigen::Vector3d(0.1, 0.05, 0.0)},
                              imu::ImuNoise(), ImuConfig());
   }
 
@@ -68,7 +68,7 @@ TEST_F(Factors, MotionJacobiansAreNumericAwayFromZero) {
   for (const bool with_gravity : {true, false}) {
     const MotionCost cost(motion_.state(0.5), motion_.state(0.6), preintegration(), with_gravity,
                           Eigen::Vector3d(0.3, -0.8, 0.2));
-    expect_jacobians_are_numeric(cost, {random(15, 0.05), random(15, 0.05), random(8, 0.1)}, 2e-4);
+    expect_jacobians_are_numeric(cost, {random(15, 0.05), random(15, 0.05), random(kSharedSize, 0.1)}, 2e-4);
   }
 }
 
@@ -76,9 +76,8 @@ TEST_F(Factors, MotionResidualIsZeroOnTheTrueMotion) {
   for (const Eigen::Vector3d& mounting : {Eigen::Vector3d(0.0, 0.0, 0.0), Eigen::Vector3d(0.3, -0.2, 0.5)}) {
     motion_.mounting = mounting;
     const auto samples = motion_.samples(0.5, 0.6, 2000.0);
-    const auto p =
-        imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
-                          Eigen::Vector3d::Zero(), imu::ImuNoise(), ImuConfig());
+    const auto p = imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, {},
+                                     imu::ImuNoise(), ImuConfig());
     const MotionCost cost(motion_.state(0.5), motion_.state(0.6), p, true, Eigen::Vector3d(0.0, -0.5, 0.0));
     const Eigen::VectorXd zero = Eigen::VectorXd::Zero(15);
     const double* parameters[] = {zero.data(), zero.data(), zero.data()};
@@ -90,9 +89,8 @@ TEST_F(Factors, MotionResidualIsZeroOnTheTrueMotion) {
 
 TEST_F(Factors, MotionResidualIsZeroInAMapThatBends) {
   const auto samples = motion_.samples(0.5, 0.6, 2000.0);
-  const auto p =
-      imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
-                        Eigen::Vector3d::Zero(), imu::ImuNoise{1e-2, 1e-1, 1e-5, 1e-4}, ImuConfig());
+  const auto p = imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, {},
+                                   imu::ImuNoise{1e-2, 1e-1, 1e-5, 1e-4}, ImuConfig());
   imu::NavState i = motion_.state(0.5);
   imu::NavState j = motion_.state(0.6);
   const Eigen::Vector3d bend(0.01, -0.03, 0.02);
@@ -148,13 +146,15 @@ TEST_F(Factors, LidarJacobianIsNumericAndCostIsTheQuadraticModel) {
 TEST_F(Factors, PriorJacobiansAreNumeric) {
   StatePrior prior;
   prior.linearisation = motion_.state(0.52);
-  prior.sqrt_information = Eigen::MatrixXd::Map(random(23 * 23, 1.0).data(), 23, 23);
-  prior.offset = random(23, 1.0);
-  expect_jacobians_are_numeric(PriorCost(motion_.state(0.5), prior), {random(15, 0.1), random(8, 0.1)}, 1e-5);
+  prior.sqrt_information =
+      Eigen::MatrixXd::Map(random(kPriorSize * kPriorSize, 1.0).data(), kPriorSize, kPriorSize);
+  prior.offset = random(kPriorSize, 1.0);
+  expect_jacobians_are_numeric(PriorCost(motion_.state(0.5), prior),
+                               {random(15, 0.1), random(kSharedSize, 0.1)}, 1e-5);
 }
 
 TEST_F(Factors, GravityJacobianIsNumeric) {
-  expect_jacobians_are_numeric(GravityNormCost(motion_.state(0.5), 9.81), {random(8, 0.1)}, 1e-5);
+  expect_jacobians_are_numeric(GravityNormCost(motion_.state(0.5), 9.81), {random(kSharedSize, 0.1)}, 1e-5);
 }
 
 TEST(Factorise, RootReproducesTheNormalEquationsAndLeavesOutTheNullSpace) {

@@ -62,9 +62,8 @@ TEST(ImuStart, AtRestTheStatePredictsRest) {
   for (Stamp stamp = 0; stamp <= to_nanoseconds(1.0); stamp += to_nanoseconds(0.01)) {
     samples.push_back({stamp, readings.recent.mean_acceleration, readings.recent.mean_angular_velocity});
   }
-  const imu::Preintegration motion =
-      imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, found->state.gyro_bias,
-                        Eigen::Vector3d::Zero(), imu::ImuNoise(), config.imu);
+  const imu::Preintegration motion = imu::preintegrate(samples, samples.front().stamp, samples.back().stamp,
+                                                       {found->state.gyro_bias}, imu::ImuNoise(), config.imu);
   const imu::NavState after = imu::predict(found->state, motion);
   EXPECT_LT(after.v_odom.norm(), 1e-6);
   EXPECT_LT((after.t_odom_imu - found->state.t_odom_imu).norm(), 1e-6);
@@ -92,8 +91,8 @@ class Drive {
 
   imu::Preintegration imu(int k) const {
     const auto samples = motion_.samples(0.1 * (k - 1), 0.1 * k, 200.0);
-    return imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, Eigen::Vector3d::Zero(),
-                             Eigen::Vector3d::Zero(), imu::ImuNoise(), ImuConfig());
+    return imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, {}, imu::ImuNoise(),
+                             ImuConfig());
   }
 
   Eigen::Vector3d velocity(int k) const { return motion_.velocity(0.1 * k); }

@@ -24,15 +24,14 @@ class Window : public testing::Test {
     const double early_s = time_offset_s_ - from.lidar_time_offset_s;
     auto samples = motion_.samples(0.1 * k - early_s, 0.1 * (k + 1) - early_s, 200.0);
     for (imu::ImuSample& sample : samples) {
-      sample.angular_velocity += gyro_bias_;
+      sample.angular_velocity = gyro_reads_ * sample.angular_velocity + gyro_bias_;
       sample.acceleration += accel_bias_;
     }
     imu::Preintegration p =
-        imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, from.gyro_bias,
-                          from.accel_bias, imu::ImuNoise{1e-4, 1e-3, 1e-5, 1e-4}, ImuConfig());
+        imu::preintegrate(samples, samples.front().stamp, samples.back().stamp, from.errors(),
+                          imu::ImuNoise{1e-4, 1e-3, 1e-5, 1e-4}, ImuConfig());
     p.from = motion_.state(0.1 * k).stamp;
     p.to = motion_.state(0.1 * (k + 1)).stamp;
-    p.lidar_time_offset_s = from.lidar_time_offset_s;
     return p;
   }
 
@@ -71,6 +70,7 @@ class Window : public testing::Test {
   double tilt_per_scan_ = 0.0;  ///< [rad]
   double time_offset_s_ = 0.0;  ///< of the clock of the IMU against that of the scans
   imu::SyntheticMotion motion_;
+  Eigen::Matrix3d gyro_reads_ = Eigen::Matrix3d::Identity();  ///< of a true rate
   Eigen::Vector3d gyro_bias_ = Eigen::Vector3d(0.01, -0.005, 0.008);
   Eigen::Vector3d accel_bias_ = Eigen::Vector3d(0.05, -0.03, 0.04);
   Matrix15d covariance_;
@@ -107,6 +107,30 @@ TEST_F(Window, FindsTheTimeOffset) {
   }
   // Taken as stated, it stays as it is.
   EXPECT_LT(std::abs(run(4, 100).lidar_time_offset_s), 1e-5);
+}
+
+// The rate about z hardly changes in this motion, so that its scales and the bias are known together only.
+TEST_F(Window, FindsTheScalesOfTheGyro) {
+  Eigen::Matrix3d scale = Eigen::Vector3d(0.02, -0.015, 0.01).asDiagonal();
+  scale(0, 2) = 0.004;
+  scale(2, 0) = -0.003;
+  gyro_reads_ = (Eigen::Matrix3d::Identity() - scale).inverse();
+  const auto worst_rate = [this](const imu::NavState& state) {
+    double worst = 0.0;
+    for (double t = 0.0; t < 30.0; t += 0.1) {
+      const Eigen::Vector3d rate = motion_.rate(t);
+      const Eigen::Vector3d found = state.errors().angular_velocity(gyro_reads_ * rate + gyro_bias_);
+      worst = std::max(worst, (found - rate).norm());
+    }
+    return worst;
+  };
+  const imu::NavState found = run(4, 300, {0.0, 0.0, 0.02, 0.005});
+  EXPECT_LT((found.gyro_scale - scale).leftCols<2>().cwiseAbs().maxCoeff(), 3e-4) << found.gyro_scale;
+  EXPECT_LT(worst_rate(found), 3e-4);
+  // Taken as stated, what the bias cannot stand for is left.
+  const imu::NavState stated = run(4, 300);
+  EXPECT_LT(stated.gyro_scale.norm(), 1e-5);
+  EXPECT_GT(worst_rate(stated), 3e-3);
 }
 
 TEST_F(Window, GravityFollowsAMapThatTilts) {

@@ -52,8 +52,14 @@ Trajectory city_drive(const MotionSettings& motion) {
       route, [](double x, double y) { return 0.5 * std::sin(0.03 * x + 0.02 * y); }, motion, 20.0, 40.0, 3);
 }
 
+ImperfectionSettings perfect() {
+  ImperfectionSettings settings;
+  settings.enabled = false;
+  return settings;
+}
+
 Drift worst_drift(const Trajectory& trajectory, const ImuSettings& settings, std::uint64_t seed) {
-  ImuSimulator imu(trajectory, settings, seed);
+  ImuSimulator imu(trajectory, settings, perfect(), seed);
   Drift worst;
   ImuReading previous = imu.next();
   for (int second = 0; second < 35; ++second) {
@@ -104,13 +110,61 @@ TEST(ImuSimulator, HandHeldMotionFollowsTheTruth) {
   EXPECT_LT(drift.rotation_deg, 0.05);
 }
 
+// Rates of a gyro whose axes are wrong are a linear map of the true ones, with entries of the sizes asked
+// for.
+TEST(ImuSimulator, ScalesAndAxesHaveTheSizesThatWereAskedFor) {
+  MotionSettings motion;
+  motion.type = "handheld";
+  motion.speed_mps = 1.2;
+  motion.shake_rad_s = 3.0;
+  const Trajectory trajectory = city_drive(motion);
+  ImuSettings settings;
+  settings.gyro_noise = settings.accel_noise = settings.gyro_bias = settings.accel_bias = 0.0;
+  settings.gyro_bias_walk = settings.accel_bias_walk = 0.0;
+  ImperfectionSettings sizes;
+  sizes.gyro_scale = 0.01;
+  sizes.accel_scale = 0.005;
+  sizes.imu_axes_deg = 0.3;
+  double gyro = 0.0, accel = 0.0, lean = 0.0;
+  constexpr int kUnits = 100;
+  for (int seed = 0; seed < kUnits; ++seed) {
+    ImuSimulator imu(trajectory, settings, sizes, static_cast<std::uint64_t>(seed));
+    Eigen::Matrix3d gyro_sum = Eigen::Matrix3d::Zero(), w_sum = gyro_sum, accel_sum = gyro_sum,
+                    f_sum = gyro_sum;
+    for (int i = 0; i < 1000; ++i) {
+      const ImuReading reading = imu.next();
+      const MotionState truth = trajectory.evaluate(reading.time_s);
+      const Eigen::Vector3d f = truth.T_map_imu.linear().transpose() *
+                                (truth.a_map + Eigen::Vector3d(0.0, 0.0, settings.gravity_mps2));
+      gyro_sum += reading.gyro * truth.w_imu.transpose();
+      w_sum += truth.w_imu * truth.w_imu.transpose();
+      accel_sum += reading.accel * f.transpose();
+      f_sum += f * f.transpose();
+    }
+    const Eigen::Matrix3d gyro_error = gyro_sum * w_sum.inverse() - Eigen::Matrix3d::Identity();
+    const Eigen::Matrix3d accel_error = accel_sum * f_sum.inverse() - Eigen::Matrix3d::Identity();
+    EXPECT_LT((imu.axes().gyro - Eigen::Matrix3d::Identity() - gyro_error).norm(), 1e-9);
+    EXPECT_LT((imu.axes().accel - Eigen::Matrix3d::Identity() - accel_error).norm(), 1e-9);
+    const ImuReading last = imu.next();
+    const Eigen::Vector3d w = trajectory.evaluate(last.time_s).w_imu;
+    EXPECT_LT((last.gyro - w - gyro_error * w).norm(), 1e-9);
+    gyro += gyro_error.diagonal().squaredNorm() / (3.0 * kUnits);
+    accel += accel_error.diagonal().squaredNorm() / (3.0 * kUnits);
+    for (const Eigen::Matrix3d& error : {gyro_error, accel_error})
+      lean += (error.squaredNorm() - error.diagonal().squaredNorm()) / (12.0 * kUnits);
+  }
+  EXPECT_NEAR(std::sqrt(gyro), sizes.gyro_scale, 0.1 * sizes.gyro_scale);
+  EXPECT_NEAR(std::sqrt(accel), sizes.accel_scale, 0.1 * sizes.accel_scale);
+  EXPECT_NEAR(std::sqrt(lean) * 180.0 / M_PI, sizes.imu_axes_deg, 0.1 * sizes.imu_axes_deg);
+}
+
 TEST(ImuSimulator, NoiseHasTheDensityThatWasAskedFor) {
   ImuSettings settings;
   settings.rate_hz = 200.0;
   MotionSettings motion;
   motion.stand_s = 60.0;
   const Trajectory trajectory = city_drive(motion);
-  ImuSimulator imu(trajectory, settings, 4);
+  ImuSimulator imu(trajectory, settings, perfect(), 4);
   double gyro = 0.0, accel = 0.0;
   constexpr int kCount = 6000;
   for (int i = 0; i < kCount; ++i) {

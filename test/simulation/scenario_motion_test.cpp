@@ -56,9 +56,10 @@ TEST_P(ScenarioMotion, IsWhatItsCarrierCanDo) {
   scenario.world.cars = scenario.world.walkers = 0;  // they do not touch the motion, and take time to build
   scenario.imu.gyro_noise = scenario.imu.accel_noise = 0.0;
   scenario.imu.gyro_bias = scenario.imu.accel_bias = 0.0;
+  scenario.imperfections.enabled = false;
   const Limits& limits = limits_of(scenario);
   const Place place = make_place(scenario, 21);
-  ImuSimulator imu(*place.trajectory, scenario.imu, 21);
+  ImuSimulator imu(*place.trajectory, scenario.imu, scenario.imperfections, 21);
   Limits most{0.0, 0.0, 0.0, 0.0};
   for (ImuReading reading = imu.next(); reading.time_s < scenario.duration_s; reading = imu.next()) {
     most.along = std::max(most.along, std::abs(reading.accel.x()));

@@ -37,6 +37,8 @@ struct SensorConfig {
   double gyro_noise = 1e-3;
   double accel_noise = 1e-2;
   double gyro_bias_walk = 1e-4;
+  double gyro_scale_sigma = 0.01;
+  double gyro_lean_sigma_deg = 0.2;
   double accel_bias_walk = 1e-3;
   double accel_model_walk = 1e-2;
   double accel_bias_sigma_mps2 = 0.3;
@@ -145,6 +147,7 @@ struct MappingConfig {
   double drift_share = 1.0;
   bool estimate_mounting = true;
   bool estimate_time_offset = true;
+  bool estimate_gyro_scale = true;
   double tilt_walk_deg = 0.02;
   bool calibrate_beams = true;
   double beam_range_sigma_m = 0.02;

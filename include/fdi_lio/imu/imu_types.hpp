@@ -20,6 +20,20 @@ struct ImuSample {
   Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();  ///< [rad/s]
 };
 
+/// What is wrong with readings, w the true angular velocity and f the true specific force:
+/// w = (I - gyro_scale) w_read - gyro_bias, f = f_read - accel_bias.
+struct ImuErrors {
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
+  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< [m/s^2]
+  Eigen::Matrix3d gyro_scale =
+      Eigen::Matrix3d::Zero();       ///< scales, and what the axes lean towards each other
+  double lidar_time_offset_s = 0.0;  ///< NavState::lidar_time_offset_s
+
+  Eigen::Vector3d angular_velocity(const Eigen::Vector3d& reading) const {
+    return reading - gyro_scale * reading - gyro_bias;
+  }
+};
+
 /// How much of the IMU the estimate already uses.
 enum class ImuStatus : std::uint8_t {
   kNone = 0,          ///< no IMU data: constant velocity
@@ -35,6 +49,7 @@ struct NavState {
   Eigen::Vector3d v_odom = Eigen::Vector3d::Zero();
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< IMU frame [rad/s]
   Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< IMU frame [m/s^2]
+  Eigen::Matrix3d gyro_scale = Eigen::Matrix3d::Zero();  ///< ImuErrors::gyro_scale
   Eigen::Vector3d g_odom = Eigen::Vector3d(0.0, 0.0, -9.81);
   /// Rotation vector from the pose's axes, which are those of the lidar turned by the stated T_imu_lidar, to
   /// the IMU's own [rad]: R_odom_imu Exp(mounting) is the attitude of the IMU.
@@ -47,6 +62,8 @@ struct NavState {
   double lidar_time_offset_s = 0.0;
   Eigen::Vector3d w_imu = Eigen::Vector3d::Zero();  ///< bias-free angular velocity at `stamp` [rad/s]
   ImuStatus imu_status = ImuStatus::kNone;
+
+  ImuErrors errors() const { return {gyro_bias, accel_bias, gyro_scale, lidar_time_offset_s}; }
 
   Eigen::Isometry3d T_odom_imu() const {
     Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
@@ -81,6 +98,7 @@ struct Preintegration {
   Matrix15d covariance = Matrix15d::Zero();  ///< order [dtheta, dp, dv, db_g, db_a]; biases: random walk
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< linearisation point
   Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< linearisation point
+  Eigen::Matrix3d gyro_scale = Eigen::Matrix3d::Zero();  ///< linearisation point
   Eigen::Matrix3d dq_dbg = Eigen::Matrix3d::Zero();      ///< d Log(delta_q) / d gyro bias
   Eigen::Matrix3d dv_dbg = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d dv_dba = Eigen::Matrix3d::Zero();
@@ -93,6 +111,7 @@ struct Preintegration {
   ImuStatistics recent;  ///< the last second before `to`, for initialisation
 
   double duration_s() const { return seconds_between(from, to); }
+  ImuErrors errors() const { return {gyro_bias, accel_bias, gyro_scale, lidar_time_offset_s}; }
 };
 
 }  // namespace fdi_lio::imu

@@ -28,13 +28,13 @@ ImuNoise noise_of(const SensorConfig& sensor, const ImuStatistics& recent);
 bool is_shaken(const SensorConfig& sensor, const ImuStatistics& recent);
 
 /// Preintegrates readings over [from, to] (Forster et al., TRO 2017, eqs. 33-35, 63; midpoint rule).
-/// `samples` must be in time order; the first at or before `from` and the first at or after `to` are used for
-/// interpolation, and where they are missing the nearest reading is held. A stretch without readings longer
-/// than `config.max_gap_s` is bridged with the held mean of its ends and the covariance of `gap_*_noise`.
-/// Without any reading: `sample_count` is 0 and nothing else is filled; use `constant_velocity`.
+/// about `errors`. `samples` must be in time order; the first at or before `from` and the first at or after
+/// `to` are used for interpolation, and where they are missing the nearest reading is held. A stretch without
+/// readings longer than `config.max_gap_s` is bridged with the held mean of its ends and the covariance of
+/// `gap_*_noise`. Without any reading: `sample_count` is 0 and nothing else is filled; use
+/// `constant_velocity`.
 Preintegration preintegrate(const std::vector<ImuSample>& samples, Stamp from, Stamp to,
-                            const Eigen::Vector3d& gyro_bias, const Eigen::Vector3d& accel_bias,
-                            const ImuNoise& noise, const ImuConfig& config);
+                            const ImuErrors& errors, const ImuNoise& noise, const ImuConfig& config);
 
 /// The constant-velocity model from `state` on, in the form of a preintegration: rotation by the state's
 /// angular velocity, no change of velocity (gravity must not be added), no dependence on the biases.
@@ -60,15 +60,18 @@ Preintegration with_missed_turn(const Preintegration& measured, const Eigen::Vec
 /// biases and offsets that differ, for which `corrected` stands.
 Preintegration joined(const Preintegration& first, const Preintegration& second);
 
-/// Preintegrated terms at other biases, to first order (Forster eq. 44), and at another time offset: of the
-/// rotation alone, since the readings of the next scan are taken with the new offset anyway.
+/// Mean reading of the gyro in the interval [rad/s], as by which a change of ImuErrors::gyro_scale acts like
+/// one of the bias: gyro_scale * mean_reading.
+Eigen::Vector3d mean_reading(const Preintegration& preintegration);
+
+/// Preintegrated terms at other errors of the IMU, to first order (Forster eq. 44), and at another time
+/// offset: of the rotation alone, since the readings of the next scan are taken with the new offset anyway.
 struct CorrectedDelta {
   Eigen::Quaterniond delta_q;
   Eigen::Vector3d delta_v;
   Eigen::Vector3d delta_p;
 };
-CorrectedDelta corrected(const Preintegration& preintegration, const Eigen::Vector3d& gyro_bias,
-                         const Eigen::Vector3d& accel_bias, double lidar_time_offset_s);
+CorrectedDelta corrected(const Preintegration& preintegration, const ImuErrors& errors);
 
 /// The state at `preintegration.to`, predicted from `state` (at `preintegration.from`).
 NavState predict(const NavState& state, const Preintegration& preintegration);

@@ -7,8 +7,8 @@
 namespace fdi_lio::odometry {
 
 /// Says what was found of the sensors where it is far from what the parameters state, and which values would
-/// fit: calibration of lidar against IMU by the smoother (`mounting`, `time_offset`), noise of the IMU by its
-/// readings (`imu_vibration`).
+/// fit: calibration of lidar against IMU by the smoother (`mounting`, `gyro_scale`, `time_offset`), noise of
+/// the IMU by its readings (`imu_vibration`).
 class CalibrationReport {
  public:
   CalibrationReport(const SensorConfig& sensor, Reporter* reporter);
@@ -18,6 +18,7 @@ class CalibrationReport {
 
  private:
   void report_mounting(const imu::NavState& state);
+  void report_gyro_scale(const imu::NavState& state);
   void report_time_offset(const imu::NavState& state);
   void report_vibration(const imu::ImuStatistics& recent);
 

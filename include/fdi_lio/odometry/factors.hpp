@@ -8,11 +8,12 @@
 
 /// Cost functions of the fixed-lag smoother. Every parameter block is a perturbation of a nominal state, in
 /// the tangent order of docs/conventions.md: state [dtheta, dt, dv, db_g, db_a] (15), and what all states of
-/// the window share, [gravity dg, mounting, beam elevation, lidar time offset] (8). Jacobians are analytic.
+/// the window share, [gravity dg, mounting, beam elevation, lidar time offset, gyro scale column by column]
+/// (17). Jacobians are analytic.
 namespace fdi_lio::odometry {
 
 constexpr int kStateSize = 15;
-constexpr int kSharedSize = 8;
+constexpr int kSharedSize = 17;
 constexpr int kPriorSize = kStateSize + kSharedSize;
 
 using Vector15d = Eigen::Matrix<double, kStateSize, 1>;

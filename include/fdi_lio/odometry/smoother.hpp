@@ -22,6 +22,8 @@ class Smoother {
   struct CalibrationSigma {
     double mounting_rad = 0.0;         ///< rotation of T_imu_lidar, about each axis
     double lidar_time_offset_s = 0.0;  ///< NavState::lidar_time_offset_s
+    double gyro_scale = 0.0;           ///< scale of each axis of the gyro
+    double gyro_lean = 0.0;            ///< of each axis of the gyro towards each other one [rad]
   };
 
   /// `tilt_walk`: how fast the local map, and with it the frame of the states, tilts against

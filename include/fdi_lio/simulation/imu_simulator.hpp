@@ -19,14 +19,25 @@ struct ImuReading {
   Eigen::Vector3d true_accel_bias = Eigen::Vector3d::Zero();
 };
 
-/// Reads the analytic derivatives of a trajectory like an IMU: bias with random walk, white noise, gravity.
+/// What an IMU reads of what is true, apart from bias and noise: scales on the diagonal, what the axes lean
+/// towards each other beside it.
+struct ImuAxes {
+  Eigen::Matrix3d gyro = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d accel = Eigen::Matrix3d::Identity();
+};
+
+/// Reads the analytic derivatives of a trajectory like an IMU: scale and axes that are a little wrong, bias
+/// with random walk, white noise, gravity.
 class ImuSimulator {
  public:
   /// Keeps a reference to `trajectory`.
-  ImuSimulator(const Trajectory& trajectory, const ImuSettings& settings, std::uint64_t seed);
+  ImuSimulator(const Trajectory& trajectory, const ImuSettings& settings,
+               const ImperfectionSettings& imperfections, std::uint64_t seed);
 
   /// The next reading; the first is at t = 0.
   ImuReading next();
+
+  const ImuAxes& axes() const { return axes_; }
 
  private:
   const Trajectory& trajectory_;
@@ -35,6 +46,7 @@ class ImuSimulator {
   std::int64_t count_ = 0;
   Eigen::Vector3d gyro_bias_;
   Eigen::Vector3d accel_bias_;
+  ImuAxes axes_;
 };
 
 }  // namespace fdi_lio::simulation

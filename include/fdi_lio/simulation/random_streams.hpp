@@ -17,6 +17,7 @@ enum RandomStream : std::uint64_t {
   kStreamWheels,
   kStreamGnssReflections,
   kStreamGnssOutages,
+  kStreamImuAxes,
 };
 
 }  // namespace fdi_lio::simulation

@@ -89,6 +89,9 @@ struct ImperfectionSettings {
   double time_offset_s = 0.001;  ///< the lidar's clock is ahead of the IMU's by this much (not random)
   double extrinsic_rotation_deg = 0.2;
   double extrinsic_translation_m = 0.01;
+  double gyro_scale = 0.003;   ///< of each axis
+  double accel_scale = 0.003;  ///< of each axis
+  double imu_axes_deg = 0.1;   ///< what each axis of gyro and accelerometer leans towards each other one
 
   void visit(ParameterVisitor& visitor);
 };

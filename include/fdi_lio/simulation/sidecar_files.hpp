@@ -43,10 +43,10 @@ class LabelWriter {
 };
 
 /// What was drawn for a recording: seed, where a tunnel begins on the way (`tunnel_begin_x_m`, map frame),
-/// true mounting and clock offset, biases, errors of each beam, scenario.
+/// true mounting and clock offset, biases and axes of the IMU, errors of each beam, scenario.
 void write_truth(const std::string& path, const Scenario& scenario, std::uint64_t seed,
-                 std::optional<double> tunnel_begin_x_m, const LidarErrors& errors, const ImuReading& first,
-                 const ImuReading& last);
+                 std::optional<double> tunnel_begin_x_m, const LidarErrors& errors, const ImuAxes& axes,
+                 const ImuReading& first, const ImuReading& last);
 
 /// Parameters of fdi_lio for this recording: what a user would know from data sheets and drawings.
 void write_system_config(const std::string& path, const Scenario& scenario, const LidarModel& model);
