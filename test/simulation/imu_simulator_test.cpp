@@ -52,6 +52,14 @@ Trajectory city_drive(const MotionSettings& motion) {
       route, [](double x, double y) { return 0.5 * std::sin(0.03 * x + 0.02 * y); }, motion, 20.0, 40.0, 3);
 }
 
+Trajectory walk_with_shaking_hands() {
+  MotionSettings motion;
+  motion.type = "handheld";
+  motion.speed_mps = 1.2;
+  motion.shake_rad_s = 3.0;
+  return city_drive(motion);
+}
+
 ImperfectionSettings perfect() {
   ImperfectionSettings settings;
   settings.enabled = false;
@@ -92,11 +100,7 @@ TEST_P(ImuRates, IntegratedOverASecondFollowTheTruth) {
 INSTANTIATE_TEST_SUITE_P(Rates, ImuRates, testing::Values(100.0, 200.0, 400.0));
 
 TEST(ImuSimulator, HandHeldMotionFollowsTheTruth) {
-  MotionSettings motion;
-  motion.type = "handheld";
-  motion.speed_mps = 1.2;
-  motion.shake_rad_s = 3.0;
-  const Trajectory trajectory = city_drive(motion);
+  const Trajectory trajectory = walk_with_shaking_hands();
   double peak = 0.0;
   for (double t = 0.0; t < 40.0; t += 0.01) peak = std::max(peak, trajectory.evaluate(t).w_imu.norm());
   EXPECT_GT(peak, 2.0);
@@ -113,11 +117,7 @@ TEST(ImuSimulator, HandHeldMotionFollowsTheTruth) {
 // Rates of a gyro whose axes are wrong are a linear map of the true ones, with entries of the sizes asked
 // for.
 TEST(ImuSimulator, ScalesAndAxesHaveTheSizesThatWereAskedFor) {
-  MotionSettings motion;
-  motion.type = "handheld";
-  motion.speed_mps = 1.2;
-  motion.shake_rad_s = 3.0;
-  const Trajectory trajectory = city_drive(motion);
+  const Trajectory trajectory = walk_with_shaking_hands();
   ImuSettings settings;
   settings.gyro_noise = settings.accel_noise = settings.gyro_bias = settings.accel_bias = 0.0;
   settings.gyro_bias_walk = settings.accel_bias_walk = 0.0;
