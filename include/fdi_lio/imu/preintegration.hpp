@@ -60,8 +60,8 @@ Preintegration with_missed_turn(const Preintegration& measured, const Eigen::Vec
 /// biases and offsets that differ, for which `corrected` stands.
 Preintegration joined(const Preintegration& first, const Preintegration& second);
 
-/// Mean reading of the gyro in the interval [rad/s], as by which a change of ImuErrors::gyro_scale acts like
-/// one of the bias: gyro_scale * mean_reading.
+/// Mean reading of the gyro in the interval [rad/s]: a change of ImuErrors::gyro_scale acts like one of the
+/// bias by change * mean_reading.
 Eigen::Vector3d mean_reading(const Preintegration& preintegration);
 
 /// Preintegrated terms at other errors of the IMU, to first order (Forster eq. 44), and at another time
