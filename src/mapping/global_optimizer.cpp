@@ -108,6 +108,8 @@ class GlobalOptimizer::Implementation {
   LoopCandidate examine(const LoopProposal& proposal);
   std::vector<PlacedCloud> submap(std::size_t center, double before_m, double after_m, std::size_t limit);
   void level();
+  void use_smoothed_gravity();
+  bool has_sessions() const;
   bool may_solve() const { return frames_.size() - solved_at_ >= frames_.size() / kKeyframesOfWait; }
   void use_measurements();
 };
@@ -208,7 +210,18 @@ void GlobalOptimizer::Implementation::clean_clouds(bool is_last) {
   }
 }
 
+/// Gravity of each keyframe by what came after it, too. A session keeps no more than its keyframes knew.
+void GlobalOptimizer::Implementation::use_smoothed_gravity() {
+  if (has_sessions()) return;
+  const std::vector<Eigen::Vector3d> down_odom = level_.down_odom();
+  for (std::size_t k = 0; k < down_odom.size(); ++k) {
+    measurements_.set_gravity(k, frames_[k].T_odom_imu.linear().transpose() * down_odom[k], down_odom.front(),
+                              &graph_);
+  }
+}
+
 void GlobalOptimizer::Implementation::solve() {
+  use_smoothed_gravity();
   if (!graph_.solve())
     reporter_->report(Severity::kError, "pose_graph", "the pose graph could not be optimised");
   for (std::size_t k = 0; k < poses_.size(); ++k) poses_[k] = graph_.pose(k);
@@ -228,11 +241,14 @@ void GlobalOptimizer::Implementation::optimise() {
   }
 }
 
+bool GlobalOptimizer::Implementation::has_sessions() const {
+  return std::count_if(frames_.begin(), frames_.end(),
+                       [](const OdometryFrame& frame) { return frame.begins_session; }) > 1;
+}
+
 /// Sessions that nothing ties together have no common level.
 void GlobalOptimizer::Implementation::level() {
-  const auto sessions = std::count_if(frames_.begin(), frames_.end(),
-                                      [](const OdometryFrame& frame) { return frame.begins_session; });
-  if (sessions > 1) return;
+  if (has_sessions()) return;
   poses_ = levelled_poses(chain_, level_.tilts());
   is_levelled_ = true;
 }

@@ -53,8 +53,13 @@ void GraphMeasurements::add_gravity(const std::vector<OdometryFrame>& frames,
   if (gravity_sigma_rad_ == 0.0 || !down_odom_) return;
   // Where the keyframe does not know it, as before a start in motion is over, the odometry carries it on.
   const Eigen::Vector3d carried_imu = newest.T_odom_imu.linear().transpose() * *down_odom_;
-  graph->add_gravity(
+  graph->set_gravity(
       {frames.size() - 1, down_imu.isZero() ? carried_imu : down_imu, *down_map_, gravity_sigma_rad_});
+}
+
+void GraphMeasurements::set_gravity(std::size_t frame, const Eigen::Vector3d& down_imu,
+                                    const Eigen::Vector3d& down_map, PoseGraph* graph) const {
+  if (gravity_sigma_rad_ > 0.0) graph->set_gravity({frame, down_imu, down_map, gravity_sigma_rad_});
 }
 
 void GraphMeasurements::add_external(const ExternalPose& pose) {

@@ -29,9 +29,8 @@ MapLevel::MapLevel(const Config& config)
 
 void MapLevel::add(Stamp stamp, const Eigen::Vector3d& t_odom_imu,
                    const std::optional<odometry::GravityEstimate>& gravity) {
-  const double way_m = entries_.empty() ? 0.0 : entries_.back().way_m + (t_odom_imu - t_newest_).norm();
-  entries_.push_back({stamp, way_m, gravity});
-  t_newest_ = t_odom_imu;
+  way_.advance(t_odom_imu, gravity ? gravity->radius_m : 0.0);
+  entries_.push_back({stamp, way_.way_m(), gravity});
 }
 
 /// One step backwards; `smoothed` is what `at` knew by itself when nothing leads from it to `next`.
@@ -52,32 +51,34 @@ void MapLevel::smooth(const Entry& at, const Entry& next, const Vector9d& smooth
   *smoothed += P * scale.cwiseProduct(scaled.ldlt().solve(change));
 }
 
-std::vector<Eigen::Vector3d> MapLevel::tilts() const {
-  std::vector<Eigen::Vector3d> tilts(entries_.size(), Eigen::Vector3d::Zero());
+std::vector<Eigen::Vector3d> MapLevel::down_odom() const {
   std::vector<Eigen::Vector3d> down(entries_.size());
   const Entry* next = nullptr;
   Vector9d smoothed_next = Vector9d::Zero();
+  std::size_t last_known = 0;
   for (std::size_t k = entries_.size(); k-- > 0;) {
     if (entries_[k].gravity) {
       Vector9d smoothed = entries_[k].gravity->value;
       if (next != nullptr) smooth(entries_[k], *next, smoothed_next, &smoothed);
       smoothed_next = smoothed;
+      if (next == nullptr) last_known = k;
       next = &entries_[k];
     }
-    down[k] = smoothed_next.head<3>();
+    if (next != nullptr) down[k] = smoothed_next.head<3>().normalized();
   }
-  if (next == nullptr) return tilts;
-  const Eigen::Vector3d& down_first = down.front();
-  for (std::size_t k = 0; k < tilts.size(); ++k) {
-    // Behind the last that knows it, the map stays as it was there.
-    if (down[k].isZero()) {
-      tilts[k] = tilts[k - 1];
-      continue;
-    }
-    const Eigen::Vector3d axis = down_first.cross(down[k]);
+  if (next == nullptr) return {};
+  // Behind the last that knows it, the map stays as it was there.
+  for (std::size_t k = last_known + 1; k < down.size(); ++k) down[k] = down[last_known];
+  return down;
+}
+
+std::vector<Eigen::Vector3d> MapLevel::tilts() const {
+  std::vector<Eigen::Vector3d> tilts(entries_.size(), Eigen::Vector3d::Zero());
+  const std::vector<Eigen::Vector3d> down = down_odom();
+  for (std::size_t k = 0; k < down.size(); ++k) {
+    const Eigen::Vector3d axis = down.front().cross(down[k]);
     const double sine = axis.norm();
-    tilts[k] = sine > 0.0 ? Eigen::Vector3d(axis / sine * std::atan2(sine, down_first.dot(down[k])))
-                          : Eigen::Vector3d::Zero();
+    if (sine > 0.0) tilts[k] = axis / sine * std::atan2(sine, down.front().dot(down[k]));
   }
   return tilts;
 }

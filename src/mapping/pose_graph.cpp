@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <deque>
+#include <unordered_map>
 
 #include <ceres/problem.h>
 #include <ceres/solver.h>
@@ -91,8 +92,14 @@ class PoseGraph::Implementation {
 
   double external_scale() const { return external_scale_; }
 
-  void add_gravity(const GravityDirection& measured) {
-    problem_.AddResidualBlock(new GravityCost(measured), nullptr, poses_.at(measured.node).data());
+  void set_gravity(const GravityDirection& measured) {
+    const auto [place, is_new] = gravity_.emplace(measured.node, nullptr);
+    if (!is_new) {
+      place->second->set_measured(measured);
+      return;
+    }
+    place->second = new GravityCost(measured);
+    problem_.AddResidualBlock(place->second, nullptr, poses_.at(measured.node).data());
   }
 
   std::size_t add_loop(const RelativePose& measured) {
@@ -191,8 +198,9 @@ class PoseGraph::Implementation {
   double external_scale_ = 1.0;
   std::vector<RelativePose> odometry_;
   std::vector<RelativePose> loops_;
-  std::size_t annealed_ = 0;  ///< loops that were in a solution already
-  ceres::Problem problem_;    ///< last: it refers to what is above
+  std::unordered_map<std::size_t, GravityCost*> gravity_;  ///< of a node; the problem owns it
+  std::size_t annealed_ = 0;                               ///< loops that were in a solution already
+  ceres::Problem problem_;                                 ///< last: it refers to what is above
 };
 
 PoseGraph::PoseGraph(const PoseGraphSettings& settings)
@@ -209,7 +217,7 @@ void PoseGraph::add_external_odometry(const ExternalStep& step) {
   implementation_->add_external_odometry(step);
 }
 double PoseGraph::external_scale() const { return implementation_->external_scale(); }
-void PoseGraph::add_gravity(const GravityDirection& measured) { implementation_->add_gravity(measured); }
+void PoseGraph::set_gravity(const GravityDirection& measured) { implementation_->set_gravity(measured); }
 std::size_t PoseGraph::add_loop(const RelativePose& measured) { return implementation_->add_loop(measured); }
 void PoseGraph::start_alignment(const EnuAlignment& alignment) {
   implementation_->start_alignment(alignment);

@@ -251,6 +251,7 @@ GravityEstimate Smoother::gravity() const {
   GravityEstimate estimate;
   estimate.value << newest().g_odom, newest().accel_bias, newest().mounting;
   estimate.covariance = 0.5 * (covariance + covariance.transpose());
+  if (window_.back().lidar) estimate.radius_m = window_.back().lidar->radius_m;
   return estimate;
 }
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <vector>
@@ -235,6 +236,48 @@ TEST(MapLevel, LevelsAMapThatNothingElseHasMoved) {
   config = Config();
   config.loop.enabled = false;
   EXPECT_NEAR(saved(drive, config).height_m, climb_m, 1e-9);
+}
+
+/// A straight, level way whose keyframes take gravity for 1 degree off at first: less and less so, and they
+/// know.
+std::vector<Keyframe> drive_that_finds_gravity() {
+  std::vector<Keyframe> drive(100);
+  for (std::size_t k = 0; k < drive.size(); ++k) {
+    drive[k].stamp = static_cast<Stamp>(k) * kStep;
+    drive[k].covariance = isotropic(1e-4, 1e-3);
+    drive[k].T_odom_imu.translation().x() = 2.0 * static_cast<double>(k);
+    const double off = kDegree * std::exp(-0.05 * static_cast<double>(k));
+    GravityEstimate gravity;
+    gravity.value.head<3>() << -9.81 * std::sin(off), 0.0, -9.81 * std::cos(off);
+    gravity.covariance = std::pow(9.81 * off + 1e-3, 2) * Matrix9d::Identity();
+    drive[k].gravity = gravity;
+    drive[k].down_imu = gravity.value.head<3>().normalized();
+  }
+  return drive;
+}
+
+// Another odometry has the graph solved.
+TEST(MapLevel, AGraphTakesGravityByWhatCameAfterwardsToo) {
+  const std::vector<Keyframe> drive = drive_that_finds_gravity();
+  Config config;
+  config.external_odometry.enabled = true;
+  config.loop.gravity_sigma_deg = 0.1;
+  Reporter reporter;
+  GlobalOptimizer global(config, &reporter);
+  for (const Keyframe& keyframe : drive) {
+    ExternalPose pose;
+    pose.stamp = keyframe.stamp;
+    pose.T_world_child = keyframe.T_odom_imu;
+    pose.T_world_child.translation() *= 1.01;
+    global.add_external(pose);
+    global.add(keyframe);
+  }
+  global.optimise();
+  ASSERT_NEAR(global.external_scale(), 1.0 / 1.01, 2e-3);
+  double worst_m = 0.0;
+  for (const Eigen::Isometry3d& T : global.graph().poses)
+    worst_m = std::max(worst_m, std::abs(T.translation().z()));
+  EXPECT_LT(worst_m, 0.5);  // by what each knew itself 2.7 m
 }
 
 TEST(MapLevel, LeavesSessionsThatNothingTiesTogether) {

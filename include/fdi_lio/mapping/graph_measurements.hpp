@@ -35,6 +35,10 @@ class GraphMeasurements {
   void add_gravity(const std::vector<OdometryFrame>& frames, const Eigen::Isometry3d& T_map_imu,
                    const Eigen::Vector3d& down_imu, PoseGraph* graph);
 
+  /// Roll and pitch of a frame, instead of what it said itself: the way down in its axes and in the map.
+  void set_gravity(std::size_t frame, const Eigen::Vector3d& down_imu, const Eigen::Vector3d& down_map,
+                   PoseGraph* graph) const;
+
   void add_fix(const GnssFix& fix) { waiting_fixes_.push_back(fix); }
 
   /// What is no pose, or does not follow the one before, is reported and dropped.

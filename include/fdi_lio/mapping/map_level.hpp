@@ -7,6 +7,7 @@
 
 #include "fdi_lio/common/config.hpp"
 #include "fdi_lio/common/time.hpp"
+#include "fdi_lio/mapping/renewed_way.hpp"
 #include "fdi_lio/odometry/gravity_estimate.hpp"
 
 namespace fdi_lio::mapping {
@@ -30,6 +31,11 @@ class MapLevel {
   void add(Stamp stamp, const Eigen::Vector3d& t_odom_imu,
            const std::optional<odometry::GravityEstimate>& gravity);
 
+  /// For each keyframe the way down in odom (unit vectors), by all that gravity has shown until now; where
+  /// nothing is known of it, that of the next keyframe that knows, else of the one before. Empty while none
+  /// knows.
+  std::vector<Eigen::Vector3d> down_odom() const;
+
   /// For each keyframe the rotation vector (odom axes [rad], without a heading) by which the map has turned
   /// since the first: g_k = Exp(tilt) g_0. Zero where nothing is known of gravity.
   std::vector<Eigen::Vector3d> tilts() const;
@@ -37,7 +43,7 @@ class MapLevel {
  private:
   struct Entry {
     Stamp stamp = 0;
-    double way_m = 0.0;  ///< since the first keyframe
+    double way_m = 0.0;  ///< RenewedWay since the first keyframe
     std::optional<odometry::GravityEstimate> gravity;
   };
 
@@ -46,7 +52,7 @@ class MapLevel {
 
   double tilt_walk_mps2_;   ///< of gravity [m/s^2/sqrt(m)]
   double accel_bias_walk_;  ///< [m/s^3/sqrt(Hz)]
-  Eigen::Vector3d t_newest_ = Eigen::Vector3d::Zero();
+  RenewedWay way_;
   std::vector<Entry> entries_;
 };
 

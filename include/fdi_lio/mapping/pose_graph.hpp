@@ -90,7 +90,8 @@ class PoseGraph {
   /// True way over the way that the other odometry says; 1 before it says anything.
   double external_scale() const;
 
-  void add_gravity(const GravityDirection& measured);
+  /// Gravity at a node, instead of what was said of it before.
+  void set_gravity(const GravityDirection& measured);
 
   /// Returns the loop's index.
   std::size_t add_loop(const RelativePose& measured);

@@ -82,6 +82,7 @@ class PositionCost : public ceres::SizedCostFunction<3, kPoseSize, kAlignmentSiz
 class GravityCost : public ceres::SizedCostFunction<3, kPoseSize> {
  public:
   explicit GravityCost(const GravityDirection& measured) : measured_(measured) {}
+  void set_measured(const GravityDirection& measured) { measured_ = measured; }
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  private:
