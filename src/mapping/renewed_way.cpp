@@ -11,7 +11,7 @@ constexpr double kReach = 2.0;
 
 }  // namespace
 
-double RenewedWay::advance(const Eigen::Vector3d& t_odom, double radius_m) {
+void RenewedWay::advance(const Eigen::Vector3d& t_odom, double radius_m) {
   if (!anchor_) anchor_ = t_odom;
   if (radius_m > 0.0) radius_m_ = radius_m;
   const Eigen::Vector3d ahead = t_odom - *anchor_;
@@ -19,7 +19,6 @@ double RenewedWay::advance(const Eigen::Vector3d& t_odom, double radius_m) {
   const double step_m = std::max(0.0, distance_m - kReach * radius_m_);
   if (step_m > 0.0) *anchor_ += step_m / distance_m * ahead;
   way_m_ += step_m;
-  return step_m;
 }
 
 }  // namespace fdi_lio::mapping

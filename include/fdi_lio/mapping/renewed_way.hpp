@@ -15,8 +15,8 @@ namespace fdi_lio::mapping {
 class RenewedWay {
  public:
   /// The sensor is at `t_odom` now, and sees features of radius `radius_m`; 0 where none is matched, when
-  /// those of before count. Returns how far the anchor moved [m].
-  double advance(const Eigen::Vector3d& t_odom, double radius_m);
+  /// those of before count.
+  void advance(const Eigen::Vector3d& t_odom, double radius_m);
 
   /// Since the first place [m].
   double way_m() const { return way_m_; }
