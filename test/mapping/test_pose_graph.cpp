@@ -221,6 +221,24 @@ TEST(PoseGraph, LoopsTakeDriftBack) {
   EXPECT_LT((graph.pose(0).matrix() - Eigen::Matrix4d::Identity()).norm(), 1e-12);
 }
 
+TEST(PoseGraph, WhatWasSaidLastOfGravityCounts) {
+  PoseGraph graph{PoseGraphSettings()};
+  graph.add_node(Eigen::Isometry3d::Identity());
+  graph.add_node(Eigen::Isometry3d::Identity());
+  RelativePose step;
+  step.from = 0;
+  step.to = 1;
+  step.information = Matrix6d::Identity();
+  graph.add_odometry(step);
+  const Eigen::Vector3d down(0.0, 0.0, -1.0);
+  for (const double roll : {0.3, 0.1}) {
+    const Eigen::Quaterniond q_map_imu = so3::exp_q(Eigen::Vector3d(roll, 0.0, 0.0));
+    graph.set_gravity({1, q_map_imu.conjugate() * down, down, 1e-3});
+    ASSERT_TRUE(graph.solve());
+    EXPECT_NEAR(so3::log(Eigen::Matrix3d(graph.pose(1).linear())).x(), roll, 1e-4);
+  }
+}
+
 TEST(PoseGraph, WrongLoopAmongTrueOnesLosesItsWeight) {
   const DriftingSquare square(0.02);
   PoseGraph graph = square.graph();
