@@ -238,8 +238,8 @@ TEST(MapLevel, LevelsAMapThatNothingElseHasMoved) {
   EXPECT_NEAR(saved(drive, config).height_m, climb_m, 1e-9);
 }
 
-/// A straight, level way whose keyframes take gravity for 1 degree off at first: less and less so, and they
-/// know.
+/// A straight, level way. At first its keyframes have gravity off by 1 degree, then less and less, as their
+/// covariances say.
 std::vector<Keyframe> drive_that_finds_gravity() {
   std::vector<Keyframe> drive(100);
   for (std::size_t k = 0; k < drive.size(); ++k) {

@@ -17,8 +17,8 @@ namespace fdi_lio::mapping {
 /// What the odometry knows of gravity at a keyframe is what came before. There gravity is confused with the
 /// bias of the accelerometer and the mounting, which later turns and a longer way tell apart. So x_k = [g,
 /// b_a, mounting] with the covariance P_k of keyframe k, which walk on to the next by Q_k
-/// (`mapping.tilt_walk` and `sensor.accel_bias_walk`), are smoothed backwards (Rauch, Tung, Striebel, AIAA
-/// Journal 1965):
+/// (`mapping.tilt_walk` over RenewedWay, and `sensor.accel_bias_walk`), are smoothed backwards (Rauch, Tung,
+/// Striebel, AIAA Journal 1965):
 ///
 ///     x_k|N = x_k + G_k (x_k+1|N - x_k),   G_k = P_k (P_k + Q_k)^-1
 ///
