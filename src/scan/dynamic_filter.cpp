@@ -18,8 +18,10 @@ constexpr double kRevisedM = 2.0;   ///< no prediction of one scan is as far off
 /// What one of so many scans has seen where it is, and not moving, while none has looked through, is static;
 /// the others are not asked about it. Most points are.
 constexpr std::size_t kAskedFirst = 2;
-/// Of the sensor, before something that kept its place to it stands out [m].
+/// Of the sensor, before something that drives ahead of it stands out [m].
 constexpr float kLeastWay = 1.0F;
+/// What drives ahead comes nearer, or gets away, by no more [m/s]: behind what moved farther stands a wall.
+constexpr float kMostClosing = 5.0F;
 /// An object takes in so many times the cells that were seen to move: what hides behind it grows no farther.
 constexpr std::size_t kMostGrowth = 6;
 
@@ -292,7 +294,7 @@ std::vector<DynamicFilter::Evidence> DynamicFilter::weigh(const std::vector<Eige
 
 std::vector<bool> DynamicFilter::drive_along(const std::vector<Eigen::Vector3f>& points,
                                              const std::vector<const Past*>& past, const RangeImage& image,
-                                             const Eigen::Isometry3d& T_odom_lidar) const {
+                                             const Eigen::Isometry3d& T_odom_lidar, Stamp now) const {
   std::vector<bool> result(points.size(), false);
   const auto way = [&](const Past* each) {
     return Eigen::Vector3d(T_odom_lidar.inverse() * each->T_odom_lidar.translation());
@@ -300,16 +302,17 @@ std::vector<bool> DynamicFilter::drive_along(const std::vector<Eigen::Vector3f>&
   const auto then =
       std::find_if(past.begin(), past.end(), [&](const Past* each) { return way(each).norm() >= kLeastWay; });
   if (then == past.end()) return result;
-  // The same place to the sensor, then: turned as the sensor has turned, but not moved.
+  // The same direction from the sensor, then: turned as the sensor has turned, but not moved.
   Eigen::Isometry3f T_then_now = Eigen::Isometry3f::Identity();
   T_then_now.linear() = ((*then)->T_odom_lidar.linear().transpose() * T_odom_lidar.linear()).cast<float>();
   std::vector<Eigen::Vector3f> left;
   std::vector<std::size_t> numbers;
   const Eigen::Vector3f t_now_then = way(*then).cast<float>();
+  const float closing_m = kMostClosing * static_cast<float>(seconds_between((*then)->stamp, now));
   look_up((*then)->image, T_then_now, points, [&](std::size_t k, int ring, int column, float range) {
     const float centre = (*then)->image.range_at(ring, column);
-    if (centre <= 0.0F || std::abs(centre - range) > margin_m(range)) return;
-    left.push_back(points[k] + t_now_then);
+    if (centre <= 0.0F || std::abs(centre - range) > margin_m(range) + closing_m) return;
+    left.push_back(points[k] * (centre / range) + t_now_then);
     numbers.push_back(k);
   });
   look_up(image, Eigen::Isometry3f::Identity(), left, [&](std::size_t k, int ring, int column, float range) {
@@ -349,7 +352,7 @@ std::vector<RemovalReason> DynamicFilter::full(const DeskewedScan& scan, const R
       hidden.push_back(points[k]);
       hidden_cells.push_back(cells[k]);
     }
-    const std::vector<bool> moves = drive_along(hidden, past, image, T_odom_lidar);
+    const std::vector<bool> moves = drive_along(hidden, past, image, T_odom_lidar, scan.stamp);
     for (std::size_t k = 0; k < hidden.size(); ++k) {
       if (moves[k]) evidence[hidden_cells[k]] = Evidence::kFree;
     }

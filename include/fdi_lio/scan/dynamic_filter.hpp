@@ -27,8 +27,8 @@ namespace fdi_lio::scan {
 ///   static    the cell saw a surface at the same place; where two scans say free, one that was not found to
 ///             move;
 ///   unknown   neither, as when something nearer hid the place.
-/// What drives along hides its own place: unknown points that an earlier scan saw at the same place to the
-/// sensor count as free when the present one looks through where that was.
+/// What drives ahead hides its own place. Where an earlier scan saw something in the direction of an unknown
+/// point, about as far away, the point counts as free when the present scan looks through where that was.
 /// Free points that touch form an object. It is dropped when it has too few points, or when it touches too
 /// many static points (leaves, wires, fences: now seen, now missed); else it takes in the unknown points that
 /// touch it, directly or through others, as far as they are no ground, up to six times its size. `odom` has z
@@ -74,11 +74,12 @@ class DynamicFilter {
   std::vector<Evidence> weigh(const std::vector<Eigen::Vector3f>& points,
                               const std::vector<const Past*>& past,
                               const Eigen::Isometry3d& T_odom_lidar) const;
-  /// Which of `points` belong to what drives along with the sensor, so that it hid its own place from the
-  /// earlier scans: one of them saw it at the same place to the sensor, and that place is seen through now.
+  /// Which of `points` belong to what drives ahead of the sensor, so that it hid its own place from the
+  /// earlier scans: one of them saw it in the same direction, nearer or farther by what it may have fallen
+  /// back or got away since, and that place is seen through at `now`.
   std::vector<bool> drive_along(const std::vector<Eigen::Vector3f>& points,
                                 const std::vector<const Past*>& past, const RangeImage& image,
-                                const Eigen::Isometry3d& T_odom_lidar) const;
+                                const Eigen::Isometry3d& T_odom_lidar, Stamp now) const;
   float margin_m(float range_m) const;
   void remember(const DeskewedScan& scan, const RangeImage& image, const Eigen::Isometry3d& T_odom_lidar,
                 const std::vector<RemovalReason>& reasons);
