@@ -12,7 +12,7 @@ namespace fdi_lio::odometry {
 
 /// What the poses may be off by since the start, as it is published: the registration against the local map,
 /// the drift of that map, an unknown error of the mounting, the tilt that gravity shows, and what the
-/// velocity may have been off by. docs/method.md (Covariance) has the sum.
+/// velocity may have been off by. docs/odometry.md (Covariance) has the sum.
 class StatedCovariance {
  public:
   explicit StatedCovariance(const Config& config);
