@@ -158,10 +158,10 @@ TEST(DynamicFilter, ALorryAheadHidesAllOfItsPlaceAndIsFoundAllTheSame) {
   EXPECT_GT(score.kept(), 0.99);
 }
 
-/// In all of the scans asked (0.5 s and more ago, 1.25 m of way) it was farther away, or nearer, by 0.5 m and
-/// more: nothing was found while only what kept its place to the sensor was.
+/// In all of the scans asked (0.5 s and more ago, 1.25 m of way) it was farther away, or nearer, by 0.4 m and
+/// more, which is more than the margin: nothing was found while only what kept its place to the sensor was.
 TEST(DynamicFilter, ALorryThatFallsBackOrGetsAwayIsFound) {
-  for (const double closing_mps : {1.0, -0.5}) {
+  for (const double closing_mps : {1.0, -0.8}) {
     const Score score = follow(3.9, 15, closing_mps);
     ASSERT_GT(score.moving, 2000U);
     EXPECT_GT(score.removed(), 0.9) << closing_mps;
